@@ -1,0 +1,51 @@
+"""What every force estimator is: fed at 500 Hz, asked for an estimate whenever one is wanted."""
+
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+
+from control.robot_model import RobotModel
+from control.types import BaseState, ForceEstimate, SensorFrame
+
+
+@dataclass(frozen=True, slots=True)
+class EstimatorInput:
+    """One 500 Hz tick, the same object for every estimator.
+
+    Attributes:
+        model: updated at this tick's configuration and velocity.
+        sensor: this tick's frame.
+        base: this tick's base state.
+        mask: (3,) applied 0 position, 1 force, per heading axis.
+    """
+
+    model: RobotModel
+    sensor: SensorFrame
+    base: BaseState
+    mask: np.ndarray = field(default_factory=lambda: np.zeros(3))
+
+
+class ForceEstimator(Protocol):
+    """Estimates the force of the environment on the end effector from proprioception."""
+
+    def reset(self) -> None:
+        """Forget the past; the next tick starts at rest equilibrium."""
+
+    def observe(self, inputs: EstimatorInput) -> None:
+        """Take in one tick; must be called at every tick, in order."""
+
+    def estimate(self) -> ForceEstimate:
+        """Estimate at the newest tick.
+
+        Raises:
+            RuntimeError: nothing has been observed since the last reset.
+        """
+        ...
+
+    def set_gains(self, k1: float, k2: float) -> None:
+        """Change the observer gains K1 (1/s) and K2 (1/s^2).
+
+        Raises:
+            ValueError: a gain is not positive and finite.
+        """

@@ -1,0 +1,62 @@
+"""The force estimators that run side by side, by name."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from control.adaptive_estimator import AdaptiveConfig, AdaptiveEstimator
+from control.force_estimator import ForceEstimator
+from control.gmo_estimators import GmoConstrained, GmoPseudoInverse
+from control.learned_estimators import LearnedEstimator
+from control.momentum_observer import PAPER_GAINS, ObserverGains
+from control.momentum_residual import MomentumResidual
+from control.network_weights import available_networks, load_network
+from control.robot_model import RobotModel
+from control.wrench_projection import ProjectionWeights
+from control.wrench_qp import ContactConstraints
+
+MODEL_BASED_NAMES = ("gmo_pi", "gmo_cqp", "adaptive")
+LEARNED_NAMES = ("tcn", "hybrid_paper", "hybrid")
+
+
+@dataclass(frozen=True, slots=True)
+class EstimatorsConfig:
+    """Attributes:
+    period_s: tick length.
+    gmo_gains: of the observer that gmo_pi and gmo_cqp share, the paper's.
+    gmo_weights: W_q and R of gmo_cqp.
+    constraints: contact constraints of gmo_cqp.
+    adaptive: all of `adaptive`.
+    weights: folder with the networks of the learned estimators; None to run without them, because together they take
+        more of a 2 ms tick than a two-core machine has to spare.
+    """
+
+    period_s: float = 0.002
+    gmo_gains: ObserverGains = PAPER_GAINS
+    gmo_weights: ProjectionWeights = field(default_factory=ProjectionWeights)
+    constraints: ContactConstraints = field(default_factory=ContactConstraints)
+    adaptive: AdaptiveConfig = field(default_factory=AdaptiveConfig)
+    weights: Path | None = None
+
+
+def make_estimators(model: RobotModel, config: EstimatorsConfig) -> dict[str, ForceEstimator]:
+    """The estimators by name, for inputs that carry `model`: MODEL_BASED_NAMES, then those of LEARNED_NAMES with weights.
+
+    Raises:
+        WeightsError: weights exist but do not fit.
+    """
+    shared = MomentumResidual(config.gmo_gains, config.period_s, with_friction=False)
+    constrained = GmoConstrained(shared, model, config.gmo_weights, config.constraints)
+    adaptive = AdaptiveEstimator(model, config.adaptive, config.period_s)
+    estimators: dict[str, ForceEstimator] = {
+        "gmo_pi": GmoPseudoInverse(shared),
+        "gmo_cqp": constrained,
+        "adaptive": adaptive,
+    }
+    if config.weights is not None:
+        trained = available_networks(config.weights)
+        for name in LEARNED_NAMES:
+            if name in trained:
+                network = load_network(name, config.weights)
+                nominal = constrained if network.manifest.nominal == "gmo_cqp" else adaptive
+                estimators[name] = LearnedEstimator(nominal, network, config.period_s)
+    return estimators

@@ -1,0 +1,74 @@
+"""Policy and value networks: an actor MLP with Gaussian actions, and one critic trunk with a value head per objective."""
+
+import math
+
+import torch
+from torch import nn
+
+HIDDEN = (512, 256, 128)
+VALUE_HEADS = 2
+_LOG_SQRT_TWO_PI = 0.5 * math.log(2.0 * math.pi)
+
+
+def mlp(inputs: int, hidden: tuple[int, ...]) -> nn.Sequential:
+    """Linear and ELU layers; the last hidden size is the output."""
+    layers: list[nn.Module] = []
+    for size in hidden:
+        layers += [nn.Linear(inputs, size), nn.ELU()]
+        inputs = size
+    return nn.Sequential(*layers)
+
+
+class ActorCritic(nn.Module):
+    """Actor on observations; critic on observations and privileged truth."""
+
+    def __init__(
+        self,
+        observation: int,
+        privileged: int,
+        actions: int,
+        std: float,
+        bfloat16: bool,
+        hidden: tuple[int, ...] = HIDDEN,
+    ) -> None:
+        """`std`: initial standard deviation of actions. `bfloat16`: compute hidden layers in bfloat16."""
+        super().__init__()
+        self.actor_trunk, self.actor_head = mlp(observation, hidden), nn.Linear(hidden[-1], actions)
+        self.critic_trunk = mlp(observation + privileged, hidden)
+        self.critic_heads = nn.Linear(hidden[-1], VALUE_HEADS)
+        self.log_std = nn.Parameter(torch.full((actions,), math.log(std)))
+        self._bfloat16 = bfloat16
+        with torch.no_grad():
+            self.actor_head.weight *= 0.05
+            self.actor_head.bias.zero_()
+
+    def mean(self, observation: torch.Tensor) -> torch.Tensor:
+        """Mean action (n, a)."""
+        return self._through(self.actor_trunk, self.actor_head, observation)
+
+    def values(self, observation: torch.Tensor, privileged: torch.Tensor) -> torch.Tensor:
+        """(n, VALUE_HEADS)."""
+        return self._through(self.critic_trunk, self.critic_heads, torch.cat([observation, privileged], dim=1))
+
+    def log_probability(self, mean: torch.Tensor, action: torch.Tensor) -> torch.Tensor:
+        """(n,) of actions (n, a) under the Gaussian about `mean` (n, a)."""
+        scaled = (action - mean) * torch.exp(-self.log_std)
+        return (-0.5 * scaled**2 - self.log_std - _LOG_SQRT_TWO_PI).sum(dim=1)
+
+    def sample(self, mean: torch.Tensor) -> torch.Tensor:
+        """Actions (n, a) about `mean`."""
+        return mean + torch.exp(self.log_std) * torch.randn_like(mean)
+
+    def actor_parameters(self) -> list[nn.Parameter]:
+        """What the policy gradient trains."""
+        return [*self.actor_trunk.parameters(), *self.actor_head.parameters(), self.log_std]
+
+    def critic_parameters(self) -> list[nn.Parameter]:
+        """What the value loss trains."""
+        return [*self.critic_trunk.parameters(), *self.critic_heads.parameters()]
+
+    def _through(self, trunk: nn.Module, head: nn.Module, inputs: torch.Tensor) -> torch.Tensor:
+        with torch.autocast("cpu", torch.bfloat16, enabled=self._bfloat16):
+            features = trunk(inputs)
+        # The last layer stays in float32: rounding it to bfloat16 is noise on the action and on the measured KL.
+        return head(features.float())

@@ -1,0 +1,232 @@
+"""Proximal policy optimisation with several critics: one value head and one advantage per objective.
+
+Schulman et al. 2017 (clipped surrogate), Schulman et al. 2016 (generalised advantage estimation). Each head has its own
+discount; advantages are normalised per head, weighted, summed and normalised again, so no objective drowns another by scale
+(multi-critic). The critic has its own optimiser: it keeps its step size when the policy's shrinks to hold the KL target.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+from torch import nn
+
+from control.learning.actor_critic import ActorCritic
+from control.learning.vector_env import VectorEnv
+
+
+@dataclass(frozen=True, slots=True)
+class PpoConfig:
+    """Attributes:
+    horizon: steps per robot and iteration.
+    epochs, minibatches: passes over them.
+    discounts, head_weights: per value head.
+    trace: lambda of the advantage estimate.
+    clip: of the probability ratio. value_clip: of the change of a value.
+    actor_rate, critic_rate: step sizes; the actor's adapts within `actor_rate_range` to `target_kl`.
+    entropy: weight of the exploration bonus.
+    gradient_limit: norm at which the gradients of actor and critic are clipped, each.
+    std_range: of the action noise.
+    critic_only: first iterations, in which only the critic learns.
+    """
+
+    horizon: int = 24
+    epochs: int = 4
+    minibatches: int = 4
+    discounts: tuple[float, ...] = (0.99, 0.97)
+    head_weights: tuple[float, ...] = (1.0, 1.5)
+    trace: float = 0.95
+    clip: float = 0.2
+    value_clip: float = 0.2
+    actor_rate: float = 5e-5
+    actor_rate_range: tuple[float, float] = (1e-5, 1.5e-3)
+    critic_rate: float = 1e-3
+    target_kl: float = 0.012
+    entropy: float = 0.0
+    gradient_limit: float = 1.0
+    std_range: tuple[float, float] = (0.03, 1.5)
+    critic_only: int = 20
+
+
+@dataclass(frozen=True, slots=True)
+class Rollout:
+    """T steps of N robots. Shapes (T, N, ...), values (T + 1, N, heads), rewards (T, N, heads), dones (T, N)."""
+
+    observations: torch.Tensor
+    privileged: torch.Tensor
+    actions: torch.Tensor
+    log_probabilities: torch.Tensor
+    values: torch.Tensor
+    rewards: torch.Tensor
+    dones: torch.Tensor
+
+
+@dataclass(frozen=True, slots=True)
+class PpoStatistics:
+    """Means over one iteration. `reward`: (heads,) per step."""
+
+    reward: tuple[float, ...]
+    value_loss: float
+    policy_loss: float
+    kl: float
+    clipped_share: float
+    actor_rate: float
+    std: float
+
+
+def advantages(rollout: Rollout, discounts: torch.Tensor, trace: float) -> torch.Tensor:
+    """Generalised advantage estimates (T, N, heads).
+
+    A_t = delta_t + discount * trace * A_{t+1}, delta_t = r_t + discount * V_{t+1} - V_t, cut where an episode ends.
+    """
+    result = torch.zeros_like(rollout.rewards)
+    running = torch.zeros_like(rollout.rewards[0])
+    for t in reversed(range(len(result))):
+        goes_on = (1.0 - rollout.dones[t])[:, None]
+        delta = rollout.rewards[t] + discounts * rollout.values[t + 1] * goes_on - rollout.values[t]
+        running = delta + discounts * trace * goes_on * running
+        result[t] = running
+    return result
+
+
+def combined_advantage(per_head: torch.Tensor, weights: torch.Tensor) -> torch.Tensor:
+    """(B,) from (B, heads): normalise each head, weight, sum, scale to unit deviation."""
+    normalised = (per_head - per_head.mean(dim=0)) / (per_head.std(dim=0) + 1e-8)
+    total = (normalised * weights).sum(dim=1)
+    return total / (total.std() + 1e-8)
+
+
+def policy_loss(log_ratio: torch.Tensor, advantage: torch.Tensor, clip: float) -> torch.Tensor:
+    """Clipped surrogate, to be minimised; `log_ratio` and `advantage` (B,)."""
+    ratio = torch.exp(log_ratio)
+    return -torch.min(ratio * advantage, ratio.clamp(1.0 - clip, 1.0 + clip) * advantage).mean()
+
+
+def value_loss(values: torch.Tensor, old_values: torch.Tensor, returns: torch.Tensor, clip: float) -> torch.Tensor:
+    """Mean square error (heads,) of each head: the worse of the value and the one clipped about the old. All (B, heads)."""
+    clipped = old_values + (values - old_values).clamp(-clip, clip)
+    return torch.max((values - returns) ** 2, (clipped - returns) ** 2).mean(dim=0)
+
+
+class Ppo:
+    """Collects rollouts from an environment and improves an actor-critic on them."""
+
+    def __init__(self, network: ActorCritic, config: PpoConfig) -> None:
+        self.network, self.config = network, config
+        self.actor_optimizer = torch.optim.Adam(network.actor_parameters(), config.actor_rate, eps=1e-6, fused=True)
+        self.critic_optimizer = torch.optim.Adam(network.critic_parameters(), config.critic_rate, eps=1e-6, fused=True)
+        self.actor_rate = config.actor_rate
+        self.iteration = 0
+        self._discounts = torch.tensor(config.discounts)
+        self._weights = torch.tensor(config.head_weights)
+
+    def iterate(self, env: VectorEnv) -> PpoStatistics:
+        """One rollout and the update on it."""
+        rollout = self.collect(env)
+        statistics = self.update(rollout)
+        self.iteration += 1
+        return statistics
+
+    def collect(self, env: VectorEnv) -> Rollout:
+        """Act for `horizon` steps."""
+        network, horizon = self.network, self.config.horizon
+        observations, privileged, actions, log_probabilities, values, rewards, dones = ([] for _ in range(7))
+        with torch.inference_mode():
+            for _ in range(horizon):
+                observation, truth = torch.from_numpy(env.observation), torch.from_numpy(env.privileged)
+                mean = network.mean(observation)
+                action = network.sample(mean)
+                outcome = env.step(action.numpy())
+                reward = torch.from_numpy(outcome.reward.astype(np.float32))
+                if len(outcome.ended):
+                    # Time was up, but the task would go on: what follows is worth the last state's value.
+                    last = torch.from_numpy(outcome.last_observation), torch.from_numpy(outcome.last_privileged)
+                    reward[outcome.ended] += self._discounts * network.values(*last)
+                observations.append(observation)
+                privileged.append(truth)
+                actions.append(action)
+                log_probabilities.append(network.log_probability(mean, action))
+                values.append(network.values(observation, truth))
+                rewards.append(reward)
+                dones.append(torch.from_numpy(outcome.done.astype(np.float32)))
+            values.append(network.values(torch.from_numpy(env.observation), torch.from_numpy(env.privileged)))
+        parts = (observations, privileged, actions, log_probabilities, values, rewards, dones)
+        # clone: tensors made in inference mode take no part in training.
+        return Rollout(*(torch.stack(part).clone() for part in parts))
+
+    def update(self, rollout: Rollout) -> PpoStatistics:
+        """Several epochs of minibatches; stops early when the policy has moved far beyond the KL target."""
+        config, network = self.config, self.network
+        per_head = advantages(rollout, self._discounts, config.trace)
+        old_values = rollout.values[:-1].flatten(0, 1)
+        per_head = per_head.flatten(0, 1)
+        returns = per_head + old_values
+        advantage = combined_advantage(per_head, self._weights)
+        observations, privileged = rollout.observations.flatten(0, 1), rollout.privileged.flatten(0, 1)
+        actions, old_log_probabilities = rollout.actions.flatten(0, 1), rollout.log_probabilities.flatten()
+        learn_policy = self.iteration >= config.critic_only
+
+        value_losses, policy_losses, divergences, clipped = [], [], [], []
+        for _ in range(config.epochs):
+            for batch in torch.randperm(len(returns)).chunk(config.minibatches):
+                values = network.values(observations[batch], privileged[batch])
+                loss = value_loss(values, old_values[batch], returns[batch], config.value_clip).sum()
+                self._descend(self.critic_optimizer, network.critic_parameters(), loss)
+                value_losses.append(loss.item())
+                if not learn_policy:
+                    continue
+                log_probability = network.log_probability(network.mean(observations[batch]), actions[batch])
+                log_ratio = (log_probability - old_log_probabilities[batch]).clamp(-5.0, 5.0)
+                loss = policy_loss(log_ratio, advantage[batch], config.clip)
+                self._descend(self.actor_optimizer, network.actor_parameters(), loss - config.entropy * network.log_std.sum())
+                with torch.no_grad():
+                    network.log_std.clamp_(*np.log(config.std_range).tolist())
+                    ratio = torch.exp(log_ratio)
+                    divergences.append(float((ratio - 1.0 - log_ratio).mean()))
+                    clipped.append(float(((ratio - 1.0).abs() > config.clip).float().mean()))
+                policy_losses.append(loss.item())
+            if learn_policy and not self._adapt_rate(float(np.mean(divergences[-config.minibatches :]))):
+                break
+        return PpoStatistics(
+            reward=tuple(rollout.rewards.mean(dim=(0, 1)).tolist()),
+            value_loss=float(np.mean(value_losses)),
+            policy_loss=float(np.mean(policy_losses)) if policy_losses else 0.0,
+            kl=float(np.mean(divergences)) if divergences else 0.0,
+            clipped_share=float(np.mean(clipped)) if clipped else 0.0,
+            actor_rate=self.actor_rate,
+            std=float(network.log_std.detach().exp().mean()),
+        )
+
+    def state(self) -> dict[str, Any]:
+        """What a checkpoint keeps besides the network."""
+        return {
+            "actor_optimizer": self.actor_optimizer.state_dict(),
+            "critic_optimizer": self.critic_optimizer.state_dict(),
+            "actor_rate": self.actor_rate,
+            "iteration": self.iteration,
+        }
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Continue from `state()`."""
+        self.actor_optimizer.load_state_dict(state["actor_optimizer"])
+        self.critic_optimizer.load_state_dict(state["critic_optimizer"])
+        self.actor_rate, self.iteration = state["actor_rate"], state["iteration"]
+
+    def _adapt_rate(self, kl: float) -> bool:
+        """Step size towards the KL target; False when this update has gone too far."""
+        config = self.config
+        low, high = config.actor_rate_range
+        if kl > 2.0 * config.target_kl:
+            self.actor_rate = max(low, self.actor_rate / 1.5)
+        elif kl < 0.5 * config.target_kl:
+            self.actor_rate = min(high, self.actor_rate * 1.15)
+        for group in self.actor_optimizer.param_groups:
+            group["lr"] = self.actor_rate
+        return kl <= 4.0 * config.target_kl
+
+    def _descend(self, optimizer: torch.optim.Optimizer, parameters: list[nn.Parameter], loss: torch.Tensor) -> None:
+        optimizer.zero_grad(set_to_none=True)
+        loss.backward()
+        nn.utils.clip_grad_norm_(parameters, self.config.gradient_limit)
+        optimizer.step()

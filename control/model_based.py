@@ -1,0 +1,61 @@
+"""The model-based whole-body controller: drives, tracks the hand and regulates its force, with nothing learned.
+
+It is the fallback that is always there and the teacher of learned policies. Three parts share one tick: the arm tracks
+the hand and its force (arm_control), the legs carry weight and hand force (leg_control), the wheels drive (wheel_control).
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from control.arm_control import ArmConfig, ArmControl
+from control.command import CommandLimits
+from control.controller import ControllerInput
+from control.frames import rotation_heading_to_world
+from control.joints import ARM_SLICE, JOINT_COUNT, LEG_SLICE, WHEEL_SLICE
+from control.leg_control import LegConfig, LegControl
+from control.robot_model import RobotModel
+from control.stance import Stance, StanceConfig
+from control.wheel_control import WheelConfig, WheelControl
+
+
+@dataclass(frozen=True, slots=True)
+class ModelBasedConfig:
+    """Gains of the parts, and the limits that hold the workspace."""
+
+    arm: ArmConfig = field(default_factory=ArmConfig)
+    legs: LegConfig = field(default_factory=LegConfig)
+    stance: StanceConfig = field(default_factory=StanceConfig)
+    wheels: WheelConfig = field(default_factory=WheelConfig)
+    limits: CommandLimits = field(default_factory=CommandLimits)
+
+
+class ModelBasedController:
+    """Whole-body controller from the rigid-body model; implements `Controller`."""
+
+    def __init__(self, model: RobotModel, config: ModelBasedConfig | None = None) -> None:
+        config = config or ModelBasedConfig()
+        self._arm = ArmControl(config.arm, model.position_lower[ARM_SLICE], model.position_upper[ARM_SLICE], config.limits)
+        self._stance = Stance(config.stance, model)
+        self._legs = LegControl(config.legs, self._stance)
+        self._wheels = WheelControl(config.wheels, model.joint_damping[WHEEL_SLICE], model.joint_friction[WHEEL_SLICE])
+
+    def reset(self) -> None:
+        """Forget integrals and held angles."""
+        self._arm.reset()
+        self._legs.reset()
+        self._wheels.reset()
+
+    def step(self, inputs: ControllerInput) -> np.ndarray:
+        """Joint targets (22,), see `Controller.step`."""
+        heading = rotation_heading_to_world(inputs.base.rotation_base_to_world)
+        on_force = self._arm.on_force(inputs)
+        hand_force = on_force * inputs.command.force_n + (1.0 - on_force) * inputs.force_in_heading
+        legs = self._legs.step(inputs, heading, heading @ hand_force)
+        lateral = inputs.model.wheel_contact_positions @ heading[:, 1]
+
+        targets = np.empty(JOINT_COUNT)
+        targets[LEG_SLICE] = legs.position
+        targets[WHEEL_SLICE] = self._wheels.step(inputs, lateral, legs, float(self._stance.shift_velocity[0]))
+        targets[ARM_SLICE] = self._arm.step(inputs, heading, on_force)
+        return targets

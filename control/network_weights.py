@@ -1,0 +1,201 @@
+"""Trained force networks on disk: NAME.npz holds the numbers, NAME.json (the manifest) says what they are.
+
+A network is used only when its file is the one that the manifest describes and its inputs are what this code computes.
+"""
+
+import hashlib
+import json
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from control.force_features import Signals as Signals
+from control.force_features import feature_names, features, relative_columns
+from control.residual_tcn import ResidualTcn, TcnShape
+
+SCHEMA = 1
+WEIGHTS_DIRECTORY = Path(__file__).resolve().parents[1] / "assets" / "weights"
+
+NORMALIZED_LIMIT = 6.0
+"""Features are clipped at this many standard deviations, so that no input lies far from where the network was trained."""
+
+LOG_VARIANCE_RANGE = (-8.0, 6.0)
+"""Range of the network's logarithm of the variance, in squared units of the output scale."""
+
+_NORMALIZATION = ("feature_mean", "feature_std")
+
+
+class WeightsError(ValueError):
+    """Weights cannot be used; the message names the file, what does not fit, and the cure."""
+
+    def __init__(self, path: Path, problem: str) -> None:
+        super().__init__(
+            f"{path}: {problem}; restore the file, or train again with `python -m control.learning.residual_training`"
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class NetworkManifest:
+    """What a weights file is.
+
+    Attributes:
+        name: of the estimator that uses it.
+        nominal: estimator whose force the network corrects; None where it gives the whole force.
+        feature_groups, feature_names: inputs, see control.force_features.
+        relative_groups: groups whose features count from the newest step of the window.
+        shape: of the network.
+        period_s: time between two steps.
+        output_scale_n: N per unit of the network's force output.
+        output_limit_n: (3,) largest force output, from the training set: more is not believed.
+        output_noise_n: noise of the output, 0 to trust it all: an output c is shrunk by c^2 / (c^2 + noise^2), Wiener's gain,
+            so that nothing is added where there is nothing to correct.
+        sigma_scale: (3,) calibration of the standard deviation on the validation set; None where none is given.
+        sha256: of the npz file.
+        training: command, commit, dataset, seed.
+        metrics: measured on the validation set.
+    """
+
+    name: str
+    nominal: str | None
+    feature_groups: tuple[str, ...]
+    relative_groups: tuple[str, ...]
+    feature_names: tuple[str, ...]
+    shape: TcnShape
+    period_s: float
+    output_scale_n: float
+    output_limit_n: tuple[float, float, float]
+    output_noise_n: float
+    sigma_scale: tuple[float, float, float] | None
+    sha256: str = ""
+    training: dict[str, Any] = field(default_factory=dict)
+    metrics: dict[str, Any] = field(default_factory=dict)
+
+
+class ForceNetwork:
+    """A trained network from signals to force: keeps the window of features.
+
+    Before H steps have passed, the steps that are missing on the old side repeat the first one.
+    """
+
+    def __init__(self, manifest: NetworkManifest, arrays: dict[str, np.ndarray]) -> None:
+        """`arrays`: parameters of the network, "feature_mean" and "feature_std".
+
+        Raises:
+            ValueError: an array is missing or has another shape than the manifest's.
+        """
+        self.manifest = manifest
+        self._tcn = ResidualTcn(manifest.shape, arrays)
+        for name in _NORMALIZATION:
+            if name not in arrays or arrays[name].shape != (manifest.shape.inputs,):
+                raise ValueError(f"array {name!r} of shape ({manifest.shape.inputs},) is missing")
+        self._mean = arrays["feature_mean"].astype(float)
+        self._inverse_std = 1.0 / arrays["feature_std"].astype(float)
+        self._relative = relative_columns(manifest.feature_groups, manifest.relative_groups)
+        self._window = np.zeros((manifest.shape.history, manifest.shape.inputs))
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the window."""
+        self._empty = True
+
+    def step(self, signals: Signals) -> tuple[np.ndarray, np.ndarray | None]:
+        """Take in one step and evaluate.
+
+        Args:
+            signals: of this step, (n,) each.
+
+        Returns:
+            force (3,) N in heading, the whole one or a correction as the manifest says, and its standard deviation
+            (3,) N, or None.
+        """
+        newest = features(self.manifest.feature_groups, signals)
+        if self._empty:
+            self._window[:] = newest
+            self._empty = False
+        else:
+            self._window[:-1] = self._window[1:]
+            self._window[-1] = newest
+        normalized = (self._window - (self._mean + self._relative * newest)) * self._inverse_std
+        np.minimum(normalized, NORMALIZED_LIMIT, out=normalized)
+        np.maximum(normalized, -NORMALIZED_LIMIT, out=normalized)
+        return scale_output(self._tcn.predict(normalized), self.manifest)
+
+
+def scale_output(raw: np.ndarray, manifest: NetworkManifest) -> tuple[np.ndarray, np.ndarray | None]:
+    """Force (..., 3) N and standard deviation (..., 3) N, or None, of the network's raw output (..., outputs)."""
+    scale, limit = manifest.output_scale_n, np.array(manifest.output_limit_n)
+    force = np.minimum(np.maximum(scale * raw[..., :3].astype(float), -limit), limit)
+    if manifest.output_noise_n > 0.0:
+        power = force * force
+        force *= power / (power + manifest.output_noise_n**2)
+    if manifest.sigma_scale is None:
+        return force, None
+    low, high = LOG_VARIANCE_RANGE
+    log_variance = np.minimum(np.maximum(raw[..., 3:].astype(float), low), high)
+    return force, scale * np.array(manifest.sigma_scale) * np.exp(0.5 * log_variance)
+
+
+def save_network(directory: Path, manifest: NetworkManifest, arrays: dict[str, np.ndarray]) -> Path:
+    """Write NAME.npz and NAME.json into `directory`, with the hash filled in; the manifest's path."""
+    directory.mkdir(parents=True, exist_ok=True)
+    weights = directory / f"{manifest.name}.npz"
+    single = {name: array.astype(np.float32) for name, array in arrays.items()}
+    np.savez_compressed(weights, allow_pickle=False, **single)
+    content = {"schema": SCHEMA, **asdict(manifest), "sha256": _sha256(weights)}
+    path = directory / f"{manifest.name}.json"
+    path.write_text(json.dumps(content, indent=1) + "\n")
+    return path
+
+
+def load_network(name: str, directory: Path = WEIGHTS_DIRECTORY) -> ForceNetwork:
+    """The network `name` of `directory`, checked against its manifest and against this code.
+
+    Raises:
+        WeightsError: a file is missing or damaged, or was made for other features or another shape.
+    """
+    path, weights = directory / f"{name}.json", directory / f"{name}.npz"
+    for needed in (path, weights):
+        if not needed.is_file():
+            raise WeightsError(needed, "the file is missing")
+    try:
+        manifest = _read_manifest(json.loads(path.read_text()))
+        expected = feature_names(manifest.feature_groups)
+    except (KeyError, TypeError, ValueError) as error:
+        raise WeightsError(path, f"the manifest cannot be read ({error})") from error
+    if _sha256(weights) != manifest.sha256:
+        raise WeightsError(weights, f"its sha256 is not {manifest.sha256[:12]}..., which the manifest states")
+    if manifest.feature_names != expected:
+        different = set(manifest.feature_names) ^ set(expected)
+        raise WeightsError(path, f"its features differ from those computed now: {sorted(different)[:6] or 'order'}")
+    if manifest.shape.inputs != len(expected):
+        raise WeightsError(path, f"shape.inputs is {manifest.shape.inputs}, but there are {len(expected)} features")
+    with np.load(weights) as archive:
+        arrays = {key: archive[key] for key in archive.files}
+    try:
+        return ForceNetwork(manifest, arrays)
+    except ValueError as error:
+        raise WeightsError(weights, str(error)) from error
+
+
+def available_networks(directory: Path = WEIGHTS_DIRECTORY) -> tuple[str, ...]:
+    """Names with a manifest in `directory`."""
+    return tuple(sorted(path.stem for path in directory.glob("*.json")))
+
+
+def _read_manifest(content: dict[str, Any]) -> NetworkManifest:
+    content = dict(content)
+    schema = content.pop("schema")
+    if schema != SCHEMA:
+        raise ValueError(f"schema {schema}, this code reads {SCHEMA}")
+    shape = dict(content.pop("shape"))
+    shape["dilations"] = tuple(shape["dilations"])
+    for name in ("feature_groups", "relative_groups", "feature_names", "output_limit_n", "sigma_scale"):
+        if content[name] is not None:
+            content[name] = tuple(content[name])
+    return NetworkManifest(shape=TcnShape(**shape), **content)
+
+
+def _sha256(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()

@@ -1,0 +1,218 @@
+"""The whole path from sensors to drives, composed here and nowhere else.
+
+sensors -> base state -> model terms -> momentum observers -> wrench projections -> command filter and guidance ->
+controller -> safety gate. Physics, observers and the selected projection run at 500 Hz; the controller and the
+projections that are only shown run at 50 Hz, spread over the ticks between.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+
+from control.base_state import BaseStateConfig, BaseStateEstimator
+from control.command import DEFAULT_COMMAND, CommandFilter, CommandLimits, HandState
+from control.controller import CONTROL_PERIOD_S, Controller, ControllerInput
+from control.force_estimator import EstimatorInput, ForceEstimator
+from control.force_estimators import EstimatorsConfig, make_estimators
+from control.frames import rotation_heading_to_world
+from control.guidance import Guidance, GuidanceConfig
+from control.model_based import ModelBasedController
+from control.network_weights import WEIGHTS_DIRECTORY
+from control.policy import make_policies
+from control.robot_model import RobotModel
+from control.safety import Fault, SafetyConfig, SafetyGate, SafetyStatus
+from control.types import BaseState, Command, ForceEstimate, JointCommand, SensorFrame
+
+TICK_S = 0.002
+CONTROL_DECIMATION = round(CONTROL_PERIOD_S / TICK_S)
+
+
+@dataclass(frozen=True, slots=True)
+class PipelineConfig:
+    """Everything that shapes the pipeline, composed once by whoever starts it.
+
+    `policies` is the folder with the weights of learned controllers; None to run without them.
+    """
+
+    controller: str = "model_based"
+    estimator: str = "adaptive"
+    policies: Path | None = WEIGHTS_DIRECTORY
+    limits: CommandLimits = field(default_factory=CommandLimits)
+    base_state: BaseStateConfig = field(default_factory=BaseStateConfig)
+    estimators: EstimatorsConfig = field(default_factory=EstimatorsConfig)
+    guidance: GuidanceConfig = field(default_factory=GuidanceConfig)
+    safety: SafetyConfig = field(default_factory=SafetyConfig)
+
+
+@dataclass(frozen=True, slots=True)
+class PipelineOutput:
+    """One tick's result. `estimates` holds the newest estimate of every estimator that has run, by name."""
+
+    joint_command: JointCommand
+    applied_command: Command
+    base: BaseState
+    hand: HandState
+    estimates: dict[str, ForceEstimate]
+    safety: SafetyStatus
+
+
+class UnknownNameError(ValueError):
+    """A controller or estimator name that does not exist; the message lists those that do."""
+
+    def __init__(self, kind: str, name: str, known: tuple[str, ...]) -> None:
+        super().__init__(f"unknown {kind} {name!r}; available: {', '.join(known)}")
+
+
+class Pipeline:
+    """Steps at 500 Hz from a sensor frame to a joint command. Holds no clock and sees no simulator."""
+
+    def __init__(self, config: PipelineConfig) -> None:
+        self.config = config
+        self.model = RobotModel()
+        self._base_state = BaseStateEstimator(config.base_state, self.model)
+        self._estimators = make_estimators(self.model, config.estimators)
+        self._controllers: dict[str, Controller] = {"model_based": ModelBasedController(self.model)}
+        self._controllers |= make_policies(config.policies)
+        self._filter = CommandFilter(config.limits)
+        self._guidance = Guidance(config.guidance)
+        self._safety = SafetyGate(config.safety, self.model)
+        self.controller_name = ""
+        self.estimator_name = ""
+        self.select_controller(config.controller)
+        self.select_estimator(config.estimator)
+        self.reset()
+
+    @property
+    def controller_names(self) -> tuple[str, ...]:
+        """Controllers that can be selected."""
+        return tuple(self._controllers)
+
+    @property
+    def controllers(self) -> Mapping[str, Controller]:
+        """The controllers themselves, by name, for those that show what is inside."""
+        return MappingProxyType(self._controllers)
+
+    @property
+    def estimator_names(self) -> tuple[str, ...]:
+        """Force estimators that run side by side."""
+        return tuple(self._estimators)
+
+    @property
+    def estimators(self) -> Mapping[str, ForceEstimator]:
+        """The estimators themselves, by name, for those that record what is inside."""
+        return MappingProxyType(self._estimators)
+
+    def reset(self) -> None:
+        """Forget everything, as at power-on: the next frame initialises filters and observers."""
+        self._tick = 0
+        self._estimates: dict[str, ForceEstimate] = {}
+        self._applied = DEFAULT_COMMAND
+        self._targets: np.ndarray | None = None
+        self._base_state.reset()
+        for estimator in self._estimators.values():
+            estimator.reset()
+        self._controllers[self.controller_name].reset()
+        self._filter.reset()
+        self._guidance.reset()
+        self._safety.reset()
+
+    def add_controller(self, name: str, controller: Controller) -> None:
+        """Offer one more controller, or another one under a known name; it can be selected from now on."""
+        self._controllers[name] = controller
+
+    def select_controller(self, name: str) -> None:
+        """Switch controllers; the new one starts from rest and the safety gate's slew limit keeps the change smooth.
+
+        Raises:
+            UnknownNameError: no controller has that name.
+        """
+        if name not in self._controllers:
+            raise UnknownNameError("controller", name, self.controller_names)
+        self.controller_name = name
+        self._controllers[name].reset()
+
+    def select_estimator(self, name: str, gains: tuple[float, float] | None = None) -> None:
+        """Choose which estimate feeds the controller, optionally with new observer gains (K1, K2).
+
+        Raises:
+            UnknownNameError: no estimator has that name.
+            ValueError: gains that are not positive.
+        """
+        if name not in self._estimators:
+            raise UnknownNameError("estimator", name, self.estimator_names)
+        if gains is not None:
+            self._estimators[name].set_gains(*gains)
+        self.estimator_name = name
+
+    @property
+    def estop_latched(self) -> bool:
+        """Whether the e-stop is latched."""
+        return self._safety.estop_latched
+
+    def estop(self) -> None:
+        """Latch the e-stop: damping from the next tick on."""
+        self._safety.estop()
+
+    def clear_estop(self) -> None:
+        """Clear the latched e-stop and any latched fault; the robot stands up from where it is."""
+        self._safety.clear()
+        self._targets = None
+        self._filter.reset()
+        self._controllers[self.controller_name].reset()
+
+    def step(self, sensor: SensorFrame, command: Command, command_age_s: float = 0.0) -> PipelineOutput:
+        """Advance one 2 ms tick.
+
+        Args:
+            sensor: newest sensor frame.
+            command: newest command as asked.
+            command_age_s: time since the operator's side was last heard.
+
+        Raises:
+            CommandError: the command is malformed (out of range is clipped).
+        """
+        base = self._base_state.step(sensor)
+        self.model.update(
+            base.rotation_base_to_world,
+            sensor.joint_position,
+            base.linear_velocity_in_base,
+            base.angular_velocity_in_base,
+            sensor.joint_velocity,
+        )
+        self._estimate(EstimatorInput(self.model, sensor, base, self._applied.mask))
+        selected = self._estimates[self.estimator_name]
+        hand = self._hand(base, selected)
+        # The references move one tick before the controller runs, so that no tick carries both.
+        phase = self._tick % CONTROL_DECIMATION
+        if phase == CONTROL_DECIMATION - 1 or self._tick == 0:
+            self._refer(self._safety.check_command(command, command_age_s), hand)
+        if phase == 0:
+            inputs = ControllerInput(sensor, base, self.model, self._applied, hand.force_in_heading)
+            self._targets = self._controllers[self.controller_name].step(inputs)
+        reported = Fault.ESTIMATOR_STALE if selected.stale else Fault.NONE
+        joint_command, safety = self._safety.step(self._targets, sensor, base, reported)
+        self._tick += 1
+        return PipelineOutput(joint_command, self._applied, base, hand, self._estimates, safety)
+
+    def _refer(self, command: Command, hand: HandState) -> None:
+        if not self._safety.in_control:
+            # References start from wherever the robot is when the controller gets hold of it.
+            self._filter.reset()
+            self._controllers[self.controller_name].reset()
+        self._applied = self._filter.step(self._guidance.step(command, hand, CONTROL_PERIOD_S), hand, CONTROL_PERIOD_S)
+
+    def _estimate(self, inputs: EstimatorInput) -> None:
+        for index, (name, estimator) in enumerate(self._estimators.items()):
+            estimator.observe(inputs)
+            # Those that are only shown take turns, so that no tick carries two of their projections.
+            if name == self.estimator_name or self._tick % CONTROL_DECIMATION == (2 * index + 1) % CONTROL_DECIMATION:
+                self._estimates[name] = estimator.estimate()
+
+    def _hand(self, base: BaseState, estimate: ForceEstimate) -> HandState:
+        heading = rotation_heading_to_world(base.rotation_base_to_world)
+        position = self.model.end_effector_position @ heading
+        position[2] += base.height_m
+        return HandState(position, heading.T @ self.model.end_effector_rotation, estimate.force_in_heading)

@@ -1,0 +1,78 @@
+"""The learned whole-body policy as a controller: observation -> actor -> joint targets, at 50 Hz."""
+
+from pathlib import Path
+
+import numpy as np
+
+from control.controller import Controller, ControllerInput
+from control.joints import DAMPING, NOMINAL_POSITION, STIFFNESS, WHEEL_SLICE
+from control.network_weights import WEIGHTS_DIRECTORY
+from control.observation import ActionScales, Observation, advance_phase, task_signals
+from control.policy_weights import Actor, PolicyManifest, available_policies, load_policy
+from control.task_memory import TaskMemory, TaskMemoryConfig, TaskSignals
+
+
+class PolicyController:
+    """Runs an actor; implements `Controller`.
+
+    Attributes:
+        manifest: of the weights.
+        observation: (o,) float32 of the last step; zeros before. `observation_groups` says what lies where.
+        action: (22,) of the last step.
+    """
+
+    def __init__(self, manifest: PolicyManifest, actor: Actor) -> None:
+        self.manifest = manifest
+        self._actor = actor
+        self._form = Observation(manifest.form)
+        self._memory = TaskMemory(TaskMemoryConfig())
+        scales = ActionScales()
+        self._scale, self._limit = scales.per_joint(), scales.limit
+        self._nominal = NOMINAL_POSITION.copy()
+        self._nominal[WHEEL_SLICE] = 0.0
+        self.reset()
+
+    @property
+    def observation_groups(self) -> dict[str, slice]:
+        """Parts of the observation by name."""
+        return self._form.groups
+
+    def reset(self) -> None:
+        """Forget integrals, phase and the previous action."""
+        self._memory.reset()
+        self._started = False
+        self._phase = np.zeros(1)
+        self.observation = np.zeros(self._form.size, np.float32)
+        self.action = np.zeros(len(self._scale))
+
+    def step(self, inputs: ControllerInput) -> np.ndarray:
+        """Joint targets (22,), see `Controller.step`."""
+        signals = task_signals(inputs)
+        if not self._started:
+            self.action = self._held_action(signals)
+            self._started = True
+        self._memory.step(signals)
+        self.observation = self._form.assemble(signals, self._memory, self.action, self._phase)
+        self.action = np.clip(self._actor(self.observation).astype(float), -self._limit, self._limit)
+        self._phase = advance_phase(self._phase)
+        return self._nominal + self._scale * self.action
+
+    def _held_action(self, signals: TaskSignals) -> np.ndarray:
+        """The action that keeps the present torques: what the previous one was, whoever gave it."""
+        q, dq, torque = signals.joint_position, signals.joint_velocity, signals.joint_torque
+        on_velocity = STIFFNESS == 0.0
+        stiffness = np.where(on_velocity, 1.0, STIFFNESS)
+        target = np.where(on_velocity, dq + torque / DAMPING, q + (torque + DAMPING * dq) / stiffness)
+        return np.clip((target - self._nominal) / self._scale, -self._limit, self._limit)
+
+
+def make_policies(directory: Path | None = WEIGHTS_DIRECTORY) -> dict[str, Controller]:
+    """The policies of `directory` that met the score, by name; none without a directory.
+
+    Raises:
+        PolicyWeightsError: weights exist but do not fit.
+    """
+    if directory is None:
+        return {}
+    policies = (PolicyController(*load_policy(name, directory)) for name in available_policies(directory))
+    return {policy.manifest.name: policy for policy in policies if policy.manifest.meets_score}

@@ -1,0 +1,168 @@
+"""Trained policies on disk: NAME.npz holds the actor, NAME.json (the manifest) says what it expects and what it reached.
+
+A policy runs only when its file is the one that the manifest describes, and joints, gains, scales and observation are those
+of this code: a network that sees or moves other things than it was trained on is refused.
+"""
+
+import hashlib
+import itertools
+import json
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from control.controller import CONTROL_PERIOD_S
+from control.joints import DAMPING, JOINT_COUNT, JOINT_NAMES, NOMINAL_POSITION, STIFFNESS
+from control.network_weights import WEIGHTS_DIRECTORY
+from control.observation import ActionScales, Observation, ObservationScales
+
+SCHEMA = 1
+POLICY_NAMES = ("policy", "policy_paper")
+"""The best policy, and the paper's memoryless form of it."""
+
+
+class PolicyWeightsError(ValueError):
+    """A policy cannot be used; the message names the file, what does not fit, and the cure."""
+
+    def __init__(self, path: Path, problem: str) -> None:
+        super().__init__(f"{path}: {problem}; restore the file, or train again with `python -m sim.train_policy`")
+
+
+@dataclass(frozen=True, slots=True)
+class PolicyManifest:
+    """What a policy is.
+
+    Attributes:
+        name: of the controller.
+        form: of the observation (control.observation).
+        interface: everything of this code that the network depends on, see `interface`.
+        layers: sizes from observation to action.
+        meets_score: scores at least as well as the model-based controller did, on the same trials.
+        sha256: of the npz file.
+        training: command, commit, seed, steps.
+        metrics: the score's parts, of the policy and of the model-based controller.
+    """
+
+    name: str
+    form: str
+    interface: dict[str, Any]
+    layers: tuple[int, ...]
+    meets_score: bool = False
+    sha256: str = ""
+    training: dict[str, Any] = field(default_factory=dict)
+    metrics: dict[str, Any] = field(default_factory=dict)
+
+
+class Actor:
+    """The actor network in numpy: linear and ELU layers in float32."""
+
+    def __init__(self, layers: tuple[int, ...], arrays: dict[str, np.ndarray]) -> None:
+        """`arrays`: "weight_i" (out, in) and "bias_i" (out,) of layer i.
+
+        Raises:
+            ValueError: one is missing or has another shape.
+        """
+        self._layers = []
+        for index, (inputs, outputs) in enumerate(itertools.pairwise(layers)):
+            weight, bias = arrays.get(f"weight_{index}"), arrays.get(f"bias_{index}")
+            if weight is None or bias is None or weight.shape != (outputs, inputs) or bias.shape != (outputs,):
+                raise ValueError(f"layer {index} is not of shape ({outputs}, {inputs})")
+            self._layers.append((np.ascontiguousarray(weight, np.float32), np.ascontiguousarray(bias, np.float32)))
+
+    def __call__(self, observation: np.ndarray) -> np.ndarray:
+        """Action of an observation (inputs,)."""
+        value = observation
+        for weight, bias in self._layers[:-1]:
+            value = weight @ value
+            value += bias
+            # ELU: x above zero, exp(x) - 1 below.
+            value = np.maximum(value, np.expm1(np.minimum(value, 0.0)))
+        weight, bias = self._layers[-1]
+        return weight @ value + bias
+
+
+def interface(form: str) -> dict[str, Any]:
+    """What a policy of this form depends on, as plain JSON values."""
+    observation = Observation(form)
+    return {
+        "joint_names": list(JOINT_NAMES),
+        "stiffness": STIFFNESS.tolist(),
+        "damping": DAMPING.tolist(),
+        "nominal_position": NOMINAL_POSITION.tolist(),
+        "period_s": CONTROL_PERIOD_S,
+        "observation": {name: part.stop - part.start for name, part in observation.groups.items()},
+        "observation_scales": _plain(asdict(ObservationScales())),
+        "action_scales": _plain(asdict(ActionScales())),
+    }
+
+
+def save_policy(directory: Path, manifest: PolicyManifest, arrays: dict[str, np.ndarray]) -> Path:
+    """Write NAME.npz and NAME.json into `directory`, with the hash filled in; the manifest's path."""
+    directory.mkdir(parents=True, exist_ok=True)
+    weights = directory / f"{manifest.name}.npz"
+    single = {name: array.astype(np.float32) for name, array in arrays.items()}
+    np.savez_compressed(weights, allow_pickle=False, **single)
+    content = {"schema": SCHEMA, **asdict(manifest), "sha256": _sha256(weights)}
+    path = directory / f"{manifest.name}.json"
+    path.write_text(json.dumps(content, indent=1) + "\n")
+    return path
+
+
+def load_policy(name: str, directory: Path = WEIGHTS_DIRECTORY) -> tuple[PolicyManifest, Actor]:
+    """The policy `name` of `directory`, checked against its manifest and against this code.
+
+    Raises:
+        PolicyWeightsError: a file is missing or damaged, or was made for another interface or shape.
+    """
+    path, weights = directory / f"{name}.json", directory / f"{name}.npz"
+    for needed in (path, weights):
+        if not needed.is_file():
+            raise PolicyWeightsError(needed, "the file is missing")
+    manifest = read_manifest(path)
+    if _sha256(weights) != manifest.sha256:
+        raise PolicyWeightsError(weights, f"its sha256 is not {manifest.sha256[:12]}..., which the manifest states")
+    with np.load(weights) as archive:
+        arrays = {key: archive[key] for key in archive.files}
+    try:
+        return manifest, Actor(manifest.layers, arrays)
+    except ValueError as error:
+        raise PolicyWeightsError(weights, str(error)) from error
+
+
+def read_manifest(path: Path) -> PolicyManifest:
+    """The manifest at `path`, checked against this code.
+
+    Raises:
+        PolicyWeightsError: it cannot be read, or the interface differs (the message names where).
+    """
+    try:
+        content = json.loads(path.read_text())
+        schema = content.pop("schema")
+        if schema != SCHEMA:
+            raise ValueError(f"schema {schema}, this code reads {SCHEMA}")
+        content["layers"] = tuple(content["layers"])
+        manifest = PolicyManifest(**content)
+        expected = interface(manifest.form)
+    except (KeyError, TypeError, ValueError) as error:
+        raise PolicyWeightsError(path, f"the manifest cannot be read ({error})") from error
+    different = sorted(key for key in expected if manifest.interface.get(key) != expected[key])
+    if different:
+        raise PolicyWeightsError(path, f"it was trained with other {', '.join(different)} than those of this code")
+    if (manifest.layers[0], manifest.layers[-1]) != (Observation(manifest.form).size, JOINT_COUNT):
+        raise PolicyWeightsError(path, f"layers {manifest.layers} do not lead from the observation to {JOINT_COUNT} joints")
+    return manifest
+
+
+def available_policies(directory: Path = WEIGHTS_DIRECTORY) -> tuple[str, ...]:
+    """Names of POLICY_NAMES with a manifest in `directory`."""
+    return tuple(name for name in POLICY_NAMES if (directory / f"{name}.json").is_file())
+
+
+def _plain(values: dict[str, Any]) -> dict[str, Any]:
+    return {name: list(value) if isinstance(value, tuple) else value for name, value in values.items()}
+
+
+def _sha256(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()

@@ -1,0 +1,276 @@
+"""The safety gate in front of every backend: whatever a controller asks, the drives get a command within limits.
+
+Targets carry torque (a PD drive of 15 N m/rad needs an offset of a radian to hold the arm up), so the limits of joint
+position, velocity and torque all act on the torque that a target is predicted to cause, and the target is moved to where
+the prediction is within them.
+"""
+
+import math
+from dataclasses import dataclass, replace
+from enum import IntFlag
+
+import numpy as np
+
+from control.joints import (
+    ARM_SLICE,
+    DAMPING,
+    JOINT_COUNT,
+    LEG_SLICE,
+    NOMINAL_POSITION,
+    STIFFNESS,
+    TORQUE_LIMIT,
+    WHEEL_SLICE,
+)
+from control.robot_model import RobotModel
+from control.types import BaseState, Command, JointCommand, SensorFrame
+
+
+class Fault(IntFlag):
+    """Reasons why the safety gate damps or limits; bits of `faults`."""
+
+    NONE = 0
+    TILT = 1
+    NOT_FINITE = 2
+    STALE_SETPOINT = 4
+    STALE_TARGETS = 8
+    JOINT_LIMIT = 16
+    TORQUE_LIMIT = 32
+    ESTIMATOR_STALE = 64
+    CONTROLLER_ERROR = 128
+
+
+@dataclass(frozen=True, slots=True)
+class SafetyConfig:
+    """Thresholds. Torque limits are control.joints.TORQUE_LIMIT, position limits the model's.
+
+    Attributes:
+        tilt_warn_rad, tilt_damp_rad: angle between the base's z axis and up. Damping for tilt latches until `clear` or
+            `reset`: a robot on its side must not stand up by itself.
+        setpoint_timeout_s: age of the operator's last sign of life at which the base velocity becomes zero.
+        hold_timeout_s, damp_timeout_s: age of the controller's targets (period 20 ms) that is reported while they are
+            held, and at which the drives damp instead.
+        position_margin_rad: distance from a joint's end over which the torque towards the end fades to zero.
+        overtravel_rad: beyond an end by this much, an encoder must be wrong: damp.
+        leg_velocity_rps, wheel_velocity_rps, arm_velocity_rps: a joint faster than this may only be braked.
+        leg_slew_rps, wheel_slew_rps2, arm_slew_rps: fastest change of a target.
+        leg_damping, wheel_damping, arm_damping: N m s/rad while damping, stiffness zero.
+        stand_up_s: min-jerk blend from the measured posture to the controller when the legs start far from their stance.
+        start_blend_s: the same when they stand already.
+        standing_rad: largest leg joint distance from NOMINAL_POSITION that still counts as standing.
+        period_s: of the gate.
+    """
+
+    tilt_warn_rad: float = 0.8
+    tilt_damp_rad: float = 1.0
+    setpoint_timeout_s: float = 0.5
+    hold_timeout_s: float = 0.06
+    damp_timeout_s: float = 0.1
+    position_margin_rad: float = 0.087
+    overtravel_rad: float = 0.3
+    leg_velocity_rps: float = 30.0
+    wheel_velocity_rps: float = 40.0
+    arm_velocity_rps: float = 6.0
+    leg_slew_rps: float = 50.0
+    wheel_slew_rps2: float = 250.0
+    arm_slew_rps: float = 75.0
+    leg_damping: float = 3.0
+    wheel_damping: float = 1.0
+    arm_damping: float = 2.0
+    stand_up_s: float = 2.0
+    start_blend_s: float = 0.1
+    standing_rad: float = 0.3
+    period_s: float = 0.002
+
+
+@dataclass(frozen=True, slots=True)
+class SafetyStatus:
+    """What the gate did at one tick: reasons, whether the drives damp, whether the e-stop is latched."""
+
+    faults: Fault
+    damping: bool
+    estop: bool
+
+
+class TargetsError(ValueError):
+    """Targets that are not (22,) numbers: a programming error, not a fault of the robot."""
+
+
+class SafetyGate:
+    """Turns targets into a JointCommand at 500 Hz. Latches e-stop and tilt.
+
+    Attributes:
+        in_control: the controller's targets act in full; false while damping or blending them in.
+    """
+
+    def __init__(self, config: SafetyConfig, model: RobotModel) -> None:
+        self.config = config
+        self._lower = model.position_lower
+        self._upper = model.position_upper
+        self._comfort_lower = model.position_lower + config.position_margin_rad
+        self._comfort_upper = model.position_upper - config.position_margin_rad
+        self._barrier = TORQUE_LIMIT / config.position_margin_rad
+        self._velocity_limit = _per_joint(config.leg_velocity_rps, config.wheel_velocity_rps, config.arm_velocity_rps)
+        self._slew = config.period_s * _per_joint(config.leg_slew_rps, config.wheel_slew_rps2, config.arm_slew_rps)
+        self._is_wheel = _per_joint(0.0, 1.0, 0.0)
+        self._gain = STIFFNESS + self._is_wheel * DAMPING
+        self._damping_command = _frozen_damping(config)
+        self.reset()
+
+    def reset(self) -> None:
+        """As at power-on: nothing latched, the next targets are blended in from the measured posture."""
+        self._estop = False
+        self.clear()
+
+    @property
+    def estop_latched(self) -> bool:
+        """Whether the e-stop is latched."""
+        return self._estop
+
+    def estop(self) -> None:
+        """Latch the e-stop: damping from the next tick until `clear`."""
+        self._estop = True
+
+    def clear(self) -> None:
+        """Clear e-stop and tilt; the next targets are blended in from the measured posture."""
+        self._estop = False
+        self._tilted = False
+        self._setpoint_stale = False
+        self._targets: np.ndarray | None = None
+        self._targets_time_s = -math.inf
+        self._applied: np.ndarray | None = None
+        self.in_control = False
+        self._blend_start_s = 0.0
+        self._blend_s = 0.0
+
+    def check_command(self, command: Command, age_s: float) -> Command:
+        """`command`, with zero base velocity when its operator has not been heard for `setpoint_timeout_s`."""
+        self._setpoint_stale = not age_s <= self.config.setpoint_timeout_s
+        return replace(command, base_velocity=np.zeros(3)) if self._setpoint_stale else command
+
+    def step(
+        self, targets: np.ndarray | None, sensor: SensorFrame, base: BaseState, reported: Fault = Fault.NONE
+    ) -> tuple[JointCommand, SafetyStatus]:
+        """The command for one 2 ms tick.
+
+        Args:
+            targets: (22,) newest joint targets, a new array whenever the controller ran (its age is measured by that),
+                or None before the first.
+            sensor: newest sensor frame.
+            base: estimated base state, for tilt.
+            reported: faults found elsewhere, passed on.
+
+        Raises:
+            TargetsError: targets of another shape or type.
+        """
+        config = self.config
+        faults = reported | (Fault.STALE_SETPOINT if self._setpoint_stale else Fault.NONE)
+        faults |= self._accept(targets, sensor.time_s)
+        q, dq = sensor.joint_position, sensor.joint_velocity
+
+        damp = self._estop
+        # NaN fails every comparison, so "not below" also catches it.
+        upright = base.rotation_base_to_world[2, 2]
+        if not upright >= math.cos(config.tilt_warn_rad):
+            faults |= Fault.TILT
+            self._tilted |= not upright >= math.cos(config.tilt_damp_rad)
+        if self._tilted:
+            faults |= Fault.TILT
+            damp = True
+        if not math.isfinite(q.dot(q) + dq.dot(dq)):
+            faults |= Fault.NOT_FINITE
+            damp = True
+        age = sensor.time_s - self._targets_time_s
+        if age > config.hold_timeout_s:
+            faults |= Fault.STALE_TARGETS
+            damp |= age > config.damp_timeout_s
+        near_end = ((q < self._comfort_lower) | (q > self._comfort_upper)).any()
+        if near_end and np.maximum(self._lower - q, q - self._upper).max() > config.overtravel_rad:
+            faults |= Fault.JOINT_LIMIT
+            damp = True
+        if damp or self._targets is None:
+            self._applied = None
+            self.in_control = False
+            return self._damping_command, SafetyStatus(faults, True, self._estop)
+        bounds = self._torque_bounds(q, dq, bool(near_end))
+        command, limited = self._limit(self._targets, bounds, sensor)
+        return command, SafetyStatus(faults | limited, False, False)
+
+    def _accept(self, targets: np.ndarray | None, time_s: float) -> Fault:
+        """Take over new targets that are sound; unsound ones are refused and the last good ones grow old."""
+        if targets is None or targets is self._targets:
+            return Fault.NONE
+        if not isinstance(targets, np.ndarray) or targets.shape != (JOINT_COUNT,):
+            raise TargetsError(f"targets must be a numpy array of shape ({JOINT_COUNT},), not {np.shape(targets)}")
+        if not math.isfinite(targets.dot(targets)):
+            return Fault.NOT_FINITE
+        self._targets = targets
+        self._targets_time_s = time_s
+        return Fault.NONE
+
+    def _torque_bounds(self, q: np.ndarray, dq: np.ndarray, near_end: bool) -> tuple[np.ndarray, np.ndarray]:
+        """Lowest and highest torque (22,) that each joint may be given where it is."""
+        lower, upper = -TORQUE_LIMIT, TORQUE_LIMIT
+        if near_end:
+            upper = np.minimum(np.maximum(self._barrier * (self._upper - q), 0.0), upper)
+            lower = np.maximum(np.minimum(self._barrier * (self._lower - q), 0.0), lower)
+        speeding = np.abs(dq) > self._velocity_limit
+        if speeding.any():
+            upper = np.where(speeding & (dq > 0.0), 0.0, upper)
+            lower = np.where(speeding & (dq < 0.0), 0.0, lower)
+        return lower, upper
+
+    def _limit(
+        self, targets: np.ndarray, bounds: tuple[np.ndarray, np.ndarray], sensor: SensorFrame
+    ) -> tuple[JointCommand, Fault]:
+        """Blend, slew, and move the targets to where the predicted torque is within bounds."""
+        last = self._start(sensor) if self._applied is None else self._applied
+        progress = (sensor.time_s - self._blend_start_s) / self._blend_s
+        self.in_control = progress >= 1.0
+        if not self.in_control:
+            weight = progress**3 * (10.0 + progress * (6.0 * progress - 15.0))
+            target = self._blend_from + weight * (targets - self._blend_from)
+        else:
+            target = np.minimum(np.maximum(targets, last - self._slew), last + self._slew)
+        self._applied = target
+
+        # Predicted torque = gain * target - offset, with one gain per joint: stiffness, or the wheels' damping.
+        offset = STIFFNESS * sensor.joint_position + DAMPING * sensor.joint_velocity
+        torque = self._gain * target - offset
+        limited = np.minimum(np.maximum(torque, bounds[0]), bounds[1])
+        changed = limited != torque
+        faults = Fault.NONE
+        if changed.any():
+            target = np.where(changed, (limited + offset) / self._gain, target)
+            saturated = np.abs(limited) >= TORQUE_LIMIT
+            faults = Fault.TORQUE_LIMIT if saturated.any() else Fault.NONE
+            if (changed & ~saturated).any():
+                faults |= Fault.JOINT_LIMIT
+        velocity = self._is_wheel * target
+        return JointCommand(target - velocity, velocity, STIFFNESS, DAMPING, _NO_TORQUE), faults
+
+    def _start(self, sensor: SensorFrame) -> np.ndarray:
+        """Begin the blend at the targets (22,) that cause the torque of this moment, so that nothing jumps."""
+        q = sensor.joint_position
+        self._blend_from = (STIFFNESS * q + DAMPING * sensor.joint_velocity + sensor.joint_torque) / self._gain
+        distance = np.abs(q[LEG_SLICE] - NOMINAL_POSITION[LEG_SLICE]).max()
+        self._blend_start_s = sensor.time_s
+        self._blend_s = self.config.start_blend_s if distance < self.config.standing_rad else self.config.stand_up_s
+        return self._blend_from
+
+
+_NO_TORQUE = np.zeros(JOINT_COUNT)
+_NO_TORQUE.setflags(write=False)
+
+
+def _per_joint(leg: float, wheel: float, arm: float) -> np.ndarray:
+    """(22,) with one value per group of joints."""
+    values = np.empty(JOINT_COUNT)
+    values[LEG_SLICE], values[WHEEL_SLICE], values[ARM_SLICE] = leg, wheel, arm
+    return values
+
+
+def _frozen_damping(config: SafetyConfig) -> JointCommand:
+    """Zero stiffness, pure damping."""
+    damping = _per_joint(config.leg_damping, config.wheel_damping, config.arm_damping)
+    damping.setflags(write=False)
+    return JointCommand(_NO_TORQUE, _NO_TORQUE, _NO_TORQUE, damping, _NO_TORQUE)

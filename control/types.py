@@ -1,0 +1,104 @@
+"""What flows through the pipeline: sensors -> base state -> force estimate -> joint targets -> joint command.
+
+Every force is the one that the environment exerts on the robot. Arrays are float64 and owned by their holder.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from control.joints import JOINT_COUNT
+
+
+@dataclass(frozen=True, slots=True)
+class SensorFrame:
+    """All that hardware offers at one tick. Orders and units: control.joints, SI.
+
+    Attributes:
+        time_s: sample time on a monotonic clock.
+        orientation_wxyz: (4,) base to world from the IMU; yaw drifts on hardware.
+        angular_velocity: (3,) rad/s, in base.
+        linear_acceleration: (3,) m/s^2, specific force at the IMU, in base axes (+g on z at rest).
+        joint_position: (22,) rad. Wheel angles are unbounded.
+        joint_velocity: (22,) rad/s.
+        joint_torque: (22,) N m, actuator torque over the interval that ends at this sample (estimated from current).
+    """
+
+    time_s: float
+    orientation_wxyz: np.ndarray
+    angular_velocity: np.ndarray
+    linear_acceleration: np.ndarray
+    joint_position: np.ndarray
+    joint_velocity: np.ndarray
+    joint_torque: np.ndarray
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """The paper's full command (c_b and c_e, Sec. II.F), in the heading frame.
+
+    Attributes:
+        mask: (3,) 0 position, 1 force, per axis x, y, z.
+        force_n: (3,) desired force of the environment on the robot; used on force axes.
+        position_m: (3,) desired end-effector position; used on position axes.
+        orientation_wxyz: (4,) desired end-effector orientation.
+        base_velocity: (3,) vx, vy in m/s and yaw rate in rad/s.
+        guidance: zero-force guidance: overrides mask, force and base velocity, the robot follows the hand.
+    """
+
+    mask: np.ndarray
+    force_n: np.ndarray
+    position_m: np.ndarray
+    orientation_wxyz: np.ndarray
+    base_velocity: np.ndarray
+    guidance: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class BaseState:
+    """Estimated state of the base (control.base_state).
+
+    Attributes:
+        rotation_base_to_world: (3, 3).
+        linear_velocity_in_base: (3,) m/s, of the base origin.
+        angular_velocity_in_base: (3,) rad/s.
+        height_m: base origin above the ground under the wheels, from leg kinematics.
+    """
+
+    rotation_base_to_world: np.ndarray
+    linear_velocity_in_base: np.ndarray
+    angular_velocity_in_base: np.ndarray
+    height_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class ForceEstimate:
+    """Output of a force estimator at one tick.
+
+    Attributes:
+        force_in_heading: (3,) N, environment on end effector.
+        wheel_forces_in_heading: (4, 3) N, ground on wheels.
+        sigma_n: (3,) standard deviation, or None where the estimator gives none.
+        mass_scale: estimated overall mass over nominal mass, or None.
+        stale: the projection failed this tick and the last good estimate is repeated.
+    """
+
+    force_in_heading: np.ndarray
+    wheel_forces_in_heading: np.ndarray
+    sigma_n: np.ndarray | None = None
+    mass_scale: float | None = None
+    stale: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class JointCommand:
+    """What a backend sends to the drives, each (22,).
+
+    The drives apply stiffness (position - q) + damping (velocity - dq) + torque.
+    """
+
+    position: np.ndarray
+    velocity: np.ndarray
+    stiffness: np.ndarray
+    damping: np.ndarray
+    torque: np.ndarray = field(default_factory=lambda: np.zeros(JOINT_COUNT))

@@ -1,0 +1,105 @@
+"""Mass adaptation against data that obeys its own model r = B x - N beta."""
+
+import numpy as np
+import pytest
+
+from control.joints import JOINT_COUNT, NOMINAL_POSITION
+from control.mass_adaptation import ARM, REST, MassAdaptation, MassAdaptationConfig
+from control.robot_model import RobotModel
+from control.wrench_projection import ProjectionWeights, build_wrench_problem
+
+WEIGHTS = ProjectionWeights(support_cost=1e-6, force_cost=1e-6)
+
+
+class Recording:
+    """Random postures of a standing robot whose masses differ by beta, with a random force at the end effector."""
+
+    def __init__(self, beta: tuple[float, float], seed: int = 0, noise: float = 0.05) -> None:
+        self.model = RobotModel()
+        self._beta = np.array(beta)
+        self._rng = np.random.default_rng(seed)
+        self._noise = noise
+        self._rows, self._costs = WEIGHTS.rows(self.model), WEIGHTS.costs()
+
+    def feed(self, adaptation: MassAdaptation, count: int) -> None:
+        model, rng = self.model, self._rng
+        still = np.zeros(3)
+        for _ in range(count):
+            position = NOMINAL_POSITION + np.r_[np.zeros(16), 0.3 * rng.normal(size=6)]
+            model.update(np.eye(3), position, still, still, np.zeros(JOINT_COUNT))
+            arm = model.arm_gravity()
+            regressor = np.column_stack([arm, model.gravity - arm])
+            weight = (1 + self._beta[REST]) * (model.total_mass - model.arm_mass) + (1 + self._beta[ARM]) * model.arm_mass
+            wrench = np.zeros(18)
+            wrench[2:12:3] = weight * 9.81 / 4
+            wrench[12:15] = 8.0 * rng.normal(size=3)
+            residual = model.wrench_jacobian.T @ wrench - regressor @ self._beta + self._noise * rng.normal(size=28)
+            problem = build_wrench_problem(model.wrench_jacobian, residual, self._rows, self._costs)
+            adaptation.update(problem, self._rows * residual, self._rows[:, None] * regressor)
+
+
+@pytest.mark.parametrize("beta", [(0.0, 0.0), (0.2, 0.2), (-0.2, -0.2), (0.25, -0.1), (-0.15, 0.1)])
+def test_both_scales_are_found_under_an_unknown_force(beta: tuple[float, float]) -> None:
+    adaptation = MassAdaptation(MassAdaptationConfig(memory_s=60.0))
+    Recording(beta).feed(adaptation, 1000)
+    np.testing.assert_allclose(adaptation.beta, beta, atol=0.03)
+
+
+def test_a_robot_that_changes_is_noticed() -> None:
+    adaptation = MassAdaptation(MassAdaptationConfig(memory_s=4.0))
+    Recording((0.0, 0.0)).feed(adaptation, 500)
+    Recording((0.3, 0.3), seed=1).feed(adaptation, 1000)
+    np.testing.assert_allclose(adaptation.beta, 0.3, atol=0.05)
+
+
+def test_nothing_is_learned_before_the_observer_has_settled() -> None:
+    config = MassAdaptationConfig()
+    adaptation = MassAdaptation(config)
+    recording = Recording((0.2, 0.2))
+    recording.feed(adaptation, round(config.settle_s / config.period_s) - 1)
+    np.testing.assert_array_equal(adaptation.beta, 0.0)
+    recording.feed(adaptation, 5)
+    assert adaptation.beta[REST] > 0.05
+
+
+def test_without_information_the_prior_returns() -> None:
+    adaptation = MassAdaptation(MassAdaptationConfig(memory_s=0.5))
+    recording = Recording((0.2, 0.2))
+    recording.feed(adaptation, 100)
+    assert adaptation.beta[REST] > 0.15
+    rows, costs = WEIGHTS.rows(recording.model), WEIGHTS.costs()
+    problem = build_wrench_problem(recording.model.wrench_jacobian, np.zeros(28), rows, costs)
+    for _ in range(500):
+        adaptation.update(problem, np.zeros(28), np.zeros((28, 2)))
+    np.testing.assert_allclose(adaptation.beta, 0.0, atol=1e-3)
+
+
+def test_a_robot_that_hangs_is_not_taken_for_weightless() -> None:
+    config = MassAdaptationConfig()
+    adaptation = MassAdaptation(config)
+    Recording((-1.0, -1.0)).feed(adaptation, 300)
+    np.testing.assert_allclose(adaptation.beta, -config.limit)
+
+
+def test_reset_forgets() -> None:
+    adaptation = MassAdaptation(MassAdaptationConfig())
+    Recording((0.2, 0.2)).feed(adaptation, 100)
+    adaptation.reset()
+    np.testing.assert_array_equal(adaptation.beta, 0.0)
+
+
+def test_scales_must_be_positive() -> None:
+    with pytest.raises(ValueError, match="memory_s"):
+        MassAdaptationConfig(memory_s=0.0)
+
+
+def test_arm_gravity_is_what_the_arm_adds() -> None:
+    """The arm loads only its own joints and the base: there it is its weight, at the arm's centre of mass."""
+    model = RobotModel()
+    model.update(np.eye(3), NOMINAL_POSITION, np.zeros(3), np.zeros(3), np.zeros(JOINT_COUNT))
+    arm = model.arm_gravity()
+    np.testing.assert_allclose(arm[:3], [0, 0, model.arm_mass * 9.81], atol=1e-9)
+    arm_rows = model.joint_rows[16:]
+    np.testing.assert_allclose(arm[arm_rows], model.gravity[arm_rows], atol=1e-12)
+    np.testing.assert_allclose(arm[model.joint_rows[:16]], 0, atol=1e-12)
+    assert 3.5 < model.arm_mass < 4.5

@@ -1,0 +1,168 @@
+"""Advantages, clipping and value loss per head against numbers computed by hand, and PPO and DAgger on toy problems."""
+
+import numpy as np
+import pytest
+import torch
+
+from control.learning.actor_critic import VALUE_HEADS, ActorCritic
+from control.learning.dagger import DaggerConfig, SampleRing, imitate
+from control.learning.ppo import Ppo, PpoConfig, Rollout, advantages, combined_advantage, policy_loss, value_loss
+
+
+def rollout(rewards, values, dones) -> Rollout:
+    """One robot; only what the advantages need."""
+    steps = len(rewards)
+    nothing = torch.zeros(steps, 1, 1)
+    return Rollout(
+        observations=nothing,
+        privileged=nothing,
+        actions=nothing,
+        log_probabilities=nothing[..., 0],
+        values=torch.tensor(values)[:, None],
+        rewards=torch.tensor(rewards)[:, None],
+        dones=torch.tensor(dones)[:, None],
+    )
+
+
+def test_advantages_of_two_heads_by_hand():
+    data = rollout(
+        rewards=[[1.0, 0.0], [2.0, 1.0]],
+        values=[[0.5, 1.0], [1.0, 2.0], [2.0, 4.0]],
+        dones=[0.0, 0.0],
+    )
+    result = advantages(data, torch.tensor([0.5, 1.0]), trace=0.5)[:, 0]
+    # Head 0, discount 0.5: delta_1 = 2 + 0.5*2 - 1 = 2; delta_0 = 1 + 0.5*1 - 0.5 = 1; A_0 = 1 + 0.25*2 = 1.5.
+    # Head 1, discount 1: delta_1 = 1 + 4 - 2 = 3; delta_0 = 0 + 2 - 1 = 1; A_0 = 1 + 0.5*3 = 2.5.
+    assert torch.allclose(result, torch.tensor([[1.5, 2.5], [2.0, 3.0]]))
+
+
+def test_the_end_of_an_episode_cuts_both_bootstrap_and_trace():
+    data = rollout(
+        rewards=[[1.0, 1.0], [5.0, 5.0]],
+        values=[[0.5, 0.5], [9.0, 9.0], [9.0, 9.0]],
+        dones=[1.0, 0.0],
+    )
+    first = advantages(data, torch.tensor([0.9, 0.9]), trace=0.9)[0, 0]
+    assert torch.allclose(first, torch.tensor([0.5, 0.5]))
+
+
+def test_combined_advantage_ignores_the_scale_of_a_head():
+    per_head = torch.tensor([[1.0, -2.0], [-1.0, 0.0], [0.0, 2.0], [3.0, 1.0]])
+    weights = torch.tensor([1.0, 1.5])
+    scaled = per_head * torch.tensor([1.0, 1000.0])
+    assert torch.allclose(combined_advantage(per_head, weights), combined_advantage(scaled, weights), atol=1e-5)
+    assert combined_advantage(per_head, weights).std() == pytest.approx(1.0, abs=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("ratio", "advantage", "expected"),
+    [
+        (1.1, 2.0, -2.2),  # inside the clip range
+        (1.5, 2.0, -2.4),  # gains beyond 1 + clip are not counted
+        (0.5, 2.0, -1.0),  # losses are
+        (1.5, -2.0, 3.0),
+        (0.5, -2.0, 1.6),  # reductions of a bad action's probability below 1 - clip are not counted
+    ],
+)
+def test_clipped_surrogate_by_hand(ratio: float, advantage: float, expected: float):
+    loss = policy_loss(torch.log(torch.tensor([ratio])), torch.tensor([advantage]), clip=0.2)
+    assert loss.item() == pytest.approx(expected, rel=1e-5)
+
+
+def test_value_loss_clips_each_head_by_itself():
+    values, old = torch.tensor([[1.0, 1.05]]), torch.tensor([[0.0, 1.0]])
+    returns = torch.tensor([[1.0, 2.0]])
+    # Head 0 jumped: clipped to 0.2, so (0.2 - 1)^2 stays. Head 1 moved by 0.05: (1.05 - 2)^2.
+    assert torch.allclose(value_loss(values, old, returns, clip=0.2), torch.tensor([0.64, 0.9025]))
+
+
+class Reaching:
+    """Toy task: the action should equal a linear function of the observation; one step each, two reward heads."""
+
+    def __init__(self, count: int) -> None:
+        self._random = np.random.default_rng(0)
+        self._count = count
+        self.teacher_calls = 0
+        self._next()
+
+    def _next(self) -> None:
+        self.observation = self._random.uniform(-1, 1, (self._count, 2)).astype(np.float32)
+        self.privileged = np.zeros((self._count, 1), np.float32)
+
+    def teacher_action(self) -> np.ndarray:
+        self.teacher_calls += 1
+        return self.observation[:, ::-1] * [1.0, -0.5]
+
+    def step(self, action: np.ndarray):
+        error = action - self.observation[:, ::-1] * [1.0, -0.5]
+        self._next()
+        return _Outcome(-(error**2))
+
+
+class _Outcome:
+    def __init__(self, reward: np.ndarray) -> None:
+        self.reward = reward
+        self.done = np.ones(len(reward), bool)
+        self.ended = np.zeros(0, int)
+        self.last_observation, self.last_privileged = np.zeros((0, 2), np.float32), np.zeros((0, 1), np.float32)
+
+
+def network(std: float = 0.3) -> ActorCritic:
+    torch.manual_seed(0)
+    return ActorCritic(observation=2, privileged=1, actions=2, std=std, bfloat16=False, hidden=(32, 32))
+
+
+def test_ppo_improves_both_heads():
+    env, learner = Reaching(256), Ppo(network(), PpoConfig(horizon=4, critic_only=2, actor_rate=3e-4))
+    first = learner.iterate(env)
+    last = first
+    for _ in range(25):
+        last = learner.iterate(env)
+    assert len(last.reward) == VALUE_HEADS
+    assert all(after > 0.7 * before for after, before in zip(last.reward, first.reward, strict=True))
+
+
+def test_critic_only_iterations_leave_the_policy_alone():
+    env, net = Reaching(32), network()
+    before = [parameter.detach().clone() for parameter in net.actor_parameters()]
+    learner = Ppo(net, PpoConfig(horizon=4, critic_only=1))
+    learner.iterate(env)
+    assert all(torch.equal(a, b) for a, b in zip(before, net.actor_parameters(), strict=True))
+    learner.iterate(env)
+    assert not all(torch.equal(a, b) for a, b in zip(before, net.actor_parameters(), strict=True))
+
+
+def test_step_size_follows_the_divergence():
+    learner = Ppo(network(), PpoConfig(actor_rate=1e-4, target_kl=0.01))
+    assert not learner._adapt_rate(0.05)
+    assert learner.actor_rate == pytest.approx(1e-4 / 1.5)
+    assert learner._adapt_rate(0.001)
+    assert learner.actor_rate == pytest.approx(1e-4 / 1.5 * 1.15)
+
+
+def test_learner_continues_from_its_state():
+    env, net = Reaching(32), network()
+    learner = Ppo(net, PpoConfig(horizon=4, critic_only=0))
+    for _ in range(3):
+        learner.iterate(env)
+    other = Ppo(net, PpoConfig(horizon=4, critic_only=0))
+    other.restore(learner.state())
+    assert (other.iteration, other.actor_rate) == (3, learner.actor_rate)
+
+
+def test_dagger_imitates_and_asks_the_teacher_once_per_step():
+    env, net = Reaching(64), network()
+    imitate(env, net, DaggerConfig(steps=120, teacher_steps=20, batch=128, capacity=2000), lambda step, loss: None)
+    assert env.teacher_calls == 120
+    with torch.no_grad():
+        error = net.mean(torch.from_numpy(env.observation)).numpy() - env.teacher_action()
+    assert np.sqrt(np.mean(error**2)) < 0.1
+
+
+def test_sample_ring_forgets_the_oldest():
+    ring = SampleRing(capacity=4, observation=1, actions=1)
+    for value in range(6):
+        ring.add(torch.tensor([[float(value)]]), torch.tensor([[float(value)]]))
+    drawn = set(ring.draw(200)[0].flatten().tolist())
+    assert ring.count == 4
+    assert drawn == {2.0, 3.0, 4.0, 5.0}

@@ -1,0 +1,185 @@
+"""Training on made-up rollouts: it learns what is there, resumes exactly, and leaves held-out data out."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from control.learning.losses import beta_likelihood, smooth_l1
+from control.learning.residual_training import ResidualTraining, RunError, TrainingConfig, main
+from control.learning.rollout_bias import rollout_bias
+from control.learning.rollout_data import DatasetError, Rollout, column_sizes, load_split, save_rollout, write_manifest
+from control.learning.targets import TARGETS
+from control.learning.windows import Normalization, WindowSet, wanted_force
+from control.network_weights import load_network
+
+SHORT = TrainingConfig(epochs=2, samples_per_epoch=256, batch=64)
+torch.set_num_threads(1)
+
+
+def made_up_rollout(seed: int, steps: int = 300) -> dict[str, np.ndarray]:
+    """Noise, except that the nominal force errs by a filtered joint velocity."""
+    random = np.random.default_rng(seed)
+    arrays = {name: random.standard_normal((steps, size)) for name, size in column_sizes().items()}
+    for nominal in ("gmo_cqp", "adaptive"):
+        velocity = arrays["joint_velocity"]
+        lagged = np.vstack([velocity[:1], velocity[:-1]])
+        arrays[f"{nominal}.force"] = arrays["force_true"] - 0.7 * velocity[:, 16:19] - 0.5 * lagged[:, 16:19]
+    return arrays
+
+
+@pytest.fixture
+def data(tmp_path: Path) -> Path:
+    entries = []
+    for index, split in enumerate(["train"] * 6 + ["validation"] * 2 + ["test"]):
+        name = f"rollouts/{index}.npz"
+        save_rollout(tmp_path / name, made_up_rollout(index))
+        entries.append({"file": name, "split": split, "profile": "hold", "mass_scale": 1.0, "per_link": {}})
+    write_manifest(tmp_path, {"seed": 0, "commit": "none", "command": "none", "rollouts": entries})
+    return tmp_path
+
+
+def test_a_residual_network_halves_an_error_that_motion_explains(data: Path, tmp_path: Path) -> None:
+    config = TrainingConfig(epochs=2, samples_per_epoch=3200, batch=32, dropout=0.0, learning_rate=4e-3)
+    training = ResidualTraining(TARGETS["hybrid"], data, tmp_path / "run", config)
+    training.fit()
+    manifest = training.export(tmp_path / "weights", "test")
+    cell = manifest.metrics["cells"]["hold 1.0"]
+    assert cell["rmse_vector_n"] < 0.5 * cell["nominal_rmse_vector_n"]
+    assert cell["coverage_2sigma"] == pytest.approx(0.9545, abs=0.01)
+    assert (tmp_path / "run" / "curves.png").stat().st_size > 1000
+
+
+@pytest.mark.parametrize("name", sorted(TARGETS))
+def test_exported_weights_run_as_they_were_trained(data: Path, tmp_path: Path, name: str) -> None:
+    run, weights = tmp_path / "run", tmp_path / "weights"
+    base = ["--data", str(data), "--target", name, "--run", str(run), "--output", str(weights)]
+    main([*base, "--epochs", "1", "--samples-per-epoch", "256"])
+    network = load_network(name, weights)
+    assert network.manifest.nominal == TARGETS[name].nominal
+    assert "--target" in network.manifest.training["command"]
+    training = ResidualTraining(TARGETS[name], data, run, TrainingConfig(epochs=1, samples_per_epoch=256))
+    training.module.load_state_dict(training.best_parameters)
+    training.module.eval()
+    rollout = training.validation[0]
+    signals = rollout.signals(TARGETS[name].features_from)
+    for step in range(30):
+        force, _ = network.step(type(signals)(**{f: getattr(signals, f)[step] for f in type(signals).__dataclass_fields__}))
+        window, _, _ = training.validation_set.windows(torch.tensor([0]), torch.tensor([step]))
+        with torch.no_grad():
+            raw = training.module(window)[0, :3].numpy()
+        limit = np.array(network.manifest.output_limit_n)
+        expected = np.clip(network.manifest.output_scale_n * raw, -limit, limit)
+        expected *= expected**2 / (expected**2 + network.manifest.output_noise_n**2)
+        np.testing.assert_allclose(force, expected, atol=1e-4)
+
+
+def test_a_resumed_run_ends_where_an_uninterrupted_one_does(data: Path, tmp_path: Path) -> None:
+    whole = ResidualTraining(TARGETS["hybrid_paper"], data, tmp_path / "whole", SHORT)
+    whole.fit()
+    first = ResidualTraining(TARGETS["hybrid_paper"], data, tmp_path / "cut", SHORT)
+    first._save_checkpoint = lambda original=first._save_checkpoint: (original(), _interrupt())  # type: ignore[method-assign]
+    with pytest.raises(KeyboardInterrupt):
+        first.fit()
+    resumed = ResidualTraining(TARGETS["hybrid_paper"], data, tmp_path / "cut", SHORT)
+    assert len(resumed.losses) == 1
+    resumed.fit()
+    assert resumed.losses == whole.losses and resumed.validation_rmse == whole.validation_rmse
+    for name, tensor in whole.module.state_dict().items():
+        assert torch.equal(tensor, resumed.module.state_dict()[name]), name
+
+
+def _interrupt() -> None:
+    raise KeyboardInterrupt
+
+
+def test_a_run_folder_of_another_training_is_refused(data: Path, tmp_path: Path) -> None:
+    ResidualTraining(TARGETS["tcn"], data, tmp_path / "run", SHORT)._save_checkpoint()
+    with pytest.raises(RunError, match="another training"):
+        ResidualTraining(TARGETS["hybrid"], data, tmp_path / "run", SHORT)
+
+
+def test_normalisation_and_limits_come_from_the_training_split_alone(data: Path) -> None:
+    target = TARGETS["hybrid"]
+    before = ResidualTraining(target, data, data / "a", SHORT)
+    for index in (6, 7, 8):
+        save_rollout(data / f"rollouts/{index}.npz", {n: 100.0 * a for n, a in made_up_rollout(index).items()})
+    after = ResidualTraining(target, data, data / "b", SHORT)
+    np.testing.assert_array_equal(before.normalization.mean, after.normalization.mean)
+    np.testing.assert_array_equal(before.normalization.std, after.normalization.std)
+    assert before.manifest == after.manifest
+
+
+def test_windows_end_at_their_step_and_repeat_the_first_one_before_the_start(data: Path) -> None:
+    target = TARGETS["tcn"]
+    rollouts = load_split(data, "validation")
+    windows = WindowSet(rollouts, target, Normalization.of(rollouts, target), history=20)
+    inputs, learnable, wanted = windows.windows(torch.tensor([1, 1, 1]), torch.tensor([0, 5, 40]))
+    assert torch.equal(inputs[0], inputs[0][:1].expand(20, -1))
+    assert torch.equal(inputs[1][:14], inputs[0][:14]) and not torch.equal(inputs[1][15], inputs[0][0])
+    later, _, _ = windows.windows(torch.tensor([1]), torch.tensor([41]))
+    assert torch.equal(later[0][:-1], inputs[2][1:])
+    np.testing.assert_allclose(wanted[2].numpy(), wanted_force(rollouts[1], target)[40], rtol=1e-6)
+    assert torch.equal(wanted, learnable)
+
+
+def test_a_posture_dependent_bias_is_found_and_lag_is_not_mistaken_for_one() -> None:
+    random = np.random.default_rng(0)
+    steps = np.arange(500)[:, None] * 0.02
+    arrays = {name: np.zeros((500, size)) for name, size in column_sizes().items()}
+    arrays["joint_position"][:, 16:] = 0.3 * np.sin(0.7 * steps + random.uniform(0.0, 6.0, 6))
+    arrays["force_true"] = 10.0 * np.sin(1.5 * steps + np.array([0.0, 1.0, 2.0]))
+    lag = 0.03 * np.gradient(arrays["force_true"], 0.02, axis=0)
+    bias = np.array([0.5, -0.3, 0.2]) + arrays["joint_position"][:, 16:] @ random.standard_normal((6, 3))
+    arrays["adaptive.force"] = arrays["force_true"] - lag - bias
+    rollout = Rollout({}, arrays)
+    found = rollout_bias(rollout, wanted_force(rollout, TARGETS["hybrid"]))
+    assert np.sqrt(((found - bias) ** 2).mean()) < 0.1 * np.sqrt((bias**2).mean())
+
+
+def test_the_mean_follows_what_can_be_learned_and_the_variance_all_of_the_error() -> None:
+    torch.manual_seed(0)
+    noise = 0.2 * torch.randn(1000, 3)
+    bias = 0.4 * torch.where(torch.rand(1000, 3) < 0.5, 1.0, -1.0)
+    raw = torch.zeros(6, requires_grad=True)
+    optimizer = torch.optim.Adam([raw], 0.05)
+    for _ in range(150):
+        optimizer.zero_grad()
+        beta_likelihood(raw.expand(1000, 6), 1.0 + noise, 1.0 + noise + bias).backward()
+        optimizer.step()
+    assert raw[:3].detach().numpy() == pytest.approx(1.0, abs=0.05)
+    assert np.exp(0.5 * raw[3:].detach().numpy()) == pytest.approx(np.sqrt(0.2**2 + 0.4**2), rel=0.1)
+
+
+def test_the_likelihood_pulls_the_variance_to_the_right_one() -> None:
+    torch.manual_seed(0)
+    error = 0.5 * torch.randn(20_000, 3)
+    slopes = []
+    for sigma in (0.25, 0.5, 1.0):
+        log_variance = torch.full((20_000, 3), 2.0 * float(np.log(sigma)), requires_grad=True)
+        beta_likelihood(torch.cat([torch.zeros(20_000, 3), log_variance], dim=1), error, error, beta=0.0).backward()
+        assert log_variance.grad is not None
+        slopes.append(float(log_variance.grad.sum()))
+    assert slopes[0] < 0.0 < slopes[2] and abs(slopes[1]) < 0.05 * slopes[2]
+
+
+def test_smooth_l1_is_quadratic_below_one_and_linear_above() -> None:
+    target = torch.zeros(1, 3)
+    assert float(smooth_l1(torch.full((1, 3), 0.5), target)) == pytest.approx(0.125)
+    assert float(smooth_l1(torch.full((1, 3), 3.0), target)) == pytest.approx(2.5)
+
+
+def test_bad_data_is_refused(data: Path) -> None:
+    arrays = made_up_rollout(0)
+    arrays["force_true"][3, 1] = np.nan
+    with pytest.raises(DatasetError, match=r"force_true.*not finite"):
+        save_rollout(data / "rollouts/bad.npz", arrays)
+    del arrays["force_true"]
+    with pytest.raises(DatasetError, match="force_true"):
+        save_rollout(data / "rollouts/bad.npz", arrays)
+    with pytest.raises(DatasetError, match=r"collect_dataset"):
+        load_split(data / "nowhere", "train")
+    (data / "rollouts/0.npz").unlink()
+    with pytest.raises(DatasetError, match="fills the gap"):
+        load_split(data, "train")
