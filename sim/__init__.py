@@ -1,0 +1,1 @@
+"""The world the pipeline runs in: robot and scenes in MuJoCo, sensors, external wrenches, backends, benchmarks."""

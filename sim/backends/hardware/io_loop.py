@@ -1,0 +1,145 @@
+"""One tick of the I/O process, without its clock and its process: poll, decide, send, report."""
+
+import os
+import time
+from collections.abc import Callable
+
+import numpy as np
+
+from control.types import JointCommand
+from sim.backends.hardware.config import HardwareConfig
+from sim.backends.hardware.records import IO_STATE, IoMemory
+from sim.backends.hardware.robot import Robot
+from sim.backends.hardware.states import Request, Trip
+from sim.backends.hardware.supervisor import ControlInput, Supervisor
+
+_WORST_WINDOW_S = 1.0
+HEALTH_EVERY = 10
+"""Ticks between two reports of what only people read."""
+
+
+class IoLoop:
+    """Ticks one robot. The memory's command is read and its state written once per tick.
+
+    Args:
+        config: the robot.
+        robot: its drivers.
+        supervisor: its state machine.
+        memory: shared with the control process.
+        work_clock: times the tick's own work.
+    """
+
+    def __init__(
+        self,
+        config: HardwareConfig,
+        robot: Robot,
+        supervisor: Supervisor,
+        memory: IoMemory,
+        work_clock: Callable[[], float] = time.perf_counter,
+    ) -> None:
+        self.config = config
+        self.robot = robot
+        self.supervisor = supervisor
+        self.signalled = Trip.NONE
+        """Set by signal handlers: an e-stop from outside, kept until the fault is cleared."""
+        self.control_heard_s = -np.inf
+        self._memory = memory
+        self._clock = work_clock
+        self._record = np.zeros(1, IO_STATE)
+        self._message = ""
+        self._record["dry_run"] = config.dry_run
+        self._record["pid"] = os.getpid()
+        self._heard: np.void | None = None
+        self._command_sequence = 0
+        self._command: JointCommand | None = None
+        self._last_s = -np.inf
+        self._worst_s = 0.0
+        self._window_s = -np.inf
+
+    def tick(self, now: float, realtime: bool = False) -> bool:
+        """One tick at monotonic time `now`; True when the base had a new state."""
+        start = self._clock()
+        fresh = self.robot.poll(now)
+        control = self._control(now)
+        self.supervisor.step(now, fresh, control)
+        self._report(now, realtime, self._clock() - start)
+        return fresh
+
+    def _control(self, now: float) -> ControlInput:
+        estop = self.signalled
+        self.signalled = Trip.NONE
+        if self._memory.estop:
+            self._memory.estop = False
+            estop |= Trip.ESTOP
+        newest = self._memory.command.read()
+        if newest is not None:
+            self._heard = newest[0]
+        # Without a new record (a writer caught, or killed, half-way through) the last one simply grows older.
+        record = self._heard
+        if record is None:
+            return ControlInput(estop=estop)
+        self.control_heard_s = float(record["alive_s"])
+        sequence = int(record["sequence"])
+        if sequence != self._command_sequence:
+            self._command_sequence = sequence
+            names = ("position", "velocity", "stiffness", "damping", "torque")
+            self._command = JointCommand(*(record[name] for name in names))
+        return ControlInput(
+            self._command,
+            now - float(record["time_s"]),
+            now - self.control_heard_s,
+            float(record["operator_silent_s"]),
+            Request(int(record["request"])),
+            int(record["request_sequence"]),
+            estop,
+        )
+
+    def _report(self, now: float, realtime: bool, work_s: float) -> None:
+        record, robot, supervisor = self._record[0], self.robot, self.supervisor
+        if now - self._window_s > _WORST_WINDOW_S:
+            self._window_s, record["worst_period_ms"], self._worst_s = now, 1e3 * self._worst_s, 0.0
+        if np.isfinite(self._last_s):
+            self._worst_s = max(self._worst_s, now - self._last_s)
+        self._last_s = now
+        record["sequence"] += 1
+        record["time_s"] = now
+        record["realtime_scheduling"] = realtime
+        record["tick_work_ms"] = 1e3 * work_s
+        record["state"] = supervisor.state
+        record["faults"] = int(supervisor.faults)
+        record["engaging"] = supervisor.engaging
+        record["request_sequence"] = supervisor.request_sequence
+        record["base_received_s"] = robot.base.received_s
+        record["arm_received_s"] = robot.arm.received_s
+        frame = robot.frame
+        record["has_frame"] = frame is not None
+        if frame is not None:
+            record["orientation_wxyz"] = frame.orientation_wxyz
+            record["angular_velocity"] = frame.angular_velocity
+            record["linear_acceleration"] = frame.linear_acceleration
+            record["joint_position"] = frame.joint_position
+            record["joint_velocity"] = frame.joint_velocity
+            record["joint_torque"] = frame.joint_torque
+        if supervisor.message != self._message or int(record["sequence"]) % HEALTH_EVERY == 1:
+            self._report_health(record, now)
+        self._memory.state.write(self._record)
+
+    def _report_health(self, record: np.void, now: float) -> None:
+        """What people read, which need not be new at every tick."""
+        robot, supervisor = self.robot, self.supervisor
+        self._message = supervisor.message
+        record["message"] = supervisor.message.encode()[:400]
+        record["warnings"] = int(supervisor.warnings)
+        record["progress"] = supervisor.progress(now)
+        if robot.readings is not None:
+            base, arm = robot.readings
+            record["temperature"] = robot.temperature()
+            record["lost"] = base.lost
+            record["battery_percent"] = base.battery_percent
+            record["battery_v"] = base.battery_v
+            record["arm_mode"] = arm.mode
+        record["states_received"] = robot.base.received
+        record["states_missed"] = robot.base.missed
+        record["bad_messages"] = robot.base.bad_samples + robot.arm.bad_frames
+        record["frames_sent"] = robot.base.sent
+        record["foreign_writers"] = supervisor.foreign_writers

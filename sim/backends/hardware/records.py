@@ -1,0 +1,179 @@
+"""What the I/O process and the control process tell each other, and the file of shared memory that holds it.
+
+Each direction has one writer and is a seqlock: the writer makes the counter odd, copies, stores a checksum and makes the
+counter even; a reader takes a copy whose counter was even and unchanged and whose checksum fits. The e-stop is one byte
+that anybody may set and only the I/O process clears.
+
+The memory is a file with a name, because the I/O process outlives the process that started it and the next one must find it.
+"""
+
+import mmap
+import os
+import tempfile
+import zlib
+from enum import IntEnum
+from pathlib import Path
+
+import numpy as np
+
+from control.joints import JOINT_COUNT
+from sim.backends.hardware.config import HardwareConfig
+from sim.backends.protocol import BackendError
+
+IO_STATE = np.dtype(
+    [
+        ("sequence", "u8"),
+        ("time_s", "f8"),  # monotonic, of the tick
+        ("pid", "u4"),
+        ("state", "u1"),  # DriveState
+        ("faults", "u4"),  # Trip bits
+        ("warnings", "u4"),
+        ("message", "S400"),
+        ("engaging", "?"),
+        ("progress", "f4"),
+        ("dry_run", "?"),
+        ("realtime_scheduling", "?"),
+        ("request_sequence", "u8"),  # of the last request that was handled
+        ("has_frame", "?"),
+        ("base_received_s", "f8"),  # monotonic
+        ("arm_received_s", "f8"),
+        ("orientation_wxyz", "f8", 4),
+        ("angular_velocity", "f8", 3),
+        ("linear_acceleration", "f8", 3),
+        ("joint_position", "f8", JOINT_COUNT),
+        ("joint_velocity", "f8", JOINT_COUNT),
+        ("joint_torque", "f8", JOINT_COUNT),
+        ("temperature", "f4", JOINT_COUNT),
+        ("lost", "u4", 16),
+        ("battery_percent", "u1"),
+        ("battery_v", "f4"),
+        ("arm_mode", "u1"),
+        ("states_received", "u8"),
+        ("states_missed", "u8"),
+        ("bad_messages", "u8"),
+        ("frames_sent", "u8"),
+        ("foreign_writers", "u2"),
+        ("tick_work_ms", "f4"),
+        ("worst_period_ms", "f4"),  # of the last second
+    ]
+)
+
+IO_COMMAND = np.dtype(
+    [
+        ("sequence", "u8"),  # counts joint commands
+        ("time_s", "f8"),  # monotonic, of the joint command
+        ("alive_s", "f8"),  # monotonic, of the newest sign of life
+        ("operator_silent_s", "f8"),
+        ("request", "u1"),  # Request
+        ("request_sequence", "u8"),
+        ("position", "f8", JOINT_COUNT),
+        ("velocity", "f8", JOINT_COUNT),
+        ("stiffness", "f8", JOINT_COUNT),
+        ("damping", "f8", JOINT_COUNT),
+        ("torque", "f8", JOINT_COUNT),
+    ]
+)
+
+_HEADER = np.dtype([("counter", "u8"), ("checksum", "u4"), ("padding", "u4")])
+_ESTOP_BYTES = 64
+_ATTEMPTS = 50
+
+
+class EstopSource(IntEnum):
+    """Who set the e-stop byte; zero is nobody."""
+
+    NONE = 0
+    OPERATOR = 1
+
+
+class _Seqlock:
+    def __init__(self, view: np.ndarray, dtype: np.dtype) -> None:
+        self.dtype = dtype
+        self._header = view[: _HEADER.itemsize].view(_HEADER)
+        self._body = view[_HEADER.itemsize : _HEADER.itemsize + dtype.itemsize]
+
+    def write(self, record: np.ndarray) -> None:
+        """Publish `record`, shape (1,)."""
+        header = self._header[0]
+        odd = int(header["counter"]) | 1  # also repairs the counter of a writer that was killed half-way
+        data = record.view(np.uint8)
+        header["counter"] = odd
+        self._body[:] = data
+        header["checksum"] = zlib.crc32(data.tobytes())
+        header["counter"] = odd + 1
+
+    def read(self) -> np.ndarray | None:
+        """A consistent copy, shape (1,); None before the first, or when the writer was always in the way."""
+        header = self._header[0]
+        for _ in range(_ATTEMPTS):
+            before = int(header["counter"])
+            if before == 0:
+                return None
+            if not before & 1:
+                data = self._body.copy()
+                checksum = int(header["checksum"])
+                if int(header["counter"]) == before and zlib.crc32(data.tobytes()) == checksum:
+                    return data.view(self.dtype)
+        return None
+
+
+def _size(dtype: np.dtype) -> int:
+    return -(-(_HEADER.itemsize + dtype.itemsize) // 64) * 64
+
+
+class IoMemory:
+    """Both records and the e-stop byte.
+
+    Args:
+        path: from `memory_path`.
+        create: make it anew, as the I/O process does; otherwise it must exist.
+
+    Raises:
+        BackendError: it does not exist, or is of another version.
+    """
+
+    def __init__(self, path: Path, create: bool = False) -> None:
+        size = _ESTOP_BYTES + _size(IO_STATE) + _size(IO_COMMAND)
+        if create:
+            path.unlink(missing_ok=True)
+            descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o600)
+            os.ftruncate(descriptor, size)
+        else:
+            try:
+                descriptor = os.open(path, os.O_RDWR)
+            except FileNotFoundError:
+                raise BackendError(f"no I/O process has made {path}; open the hardware backend first") from None
+        try:
+            if os.fstat(descriptor).st_size != size:
+                raise BackendError(f"{path} belongs to another version; end its I/O process and delete it")
+            self._map = mmap.mmap(descriptor, size)
+        finally:
+            os.close(descriptor)
+        view = np.frombuffer(self._map, np.uint8)
+        self._estop = view[:1]
+        self.state = _Seqlock(view[_ESTOP_BYTES:], IO_STATE)
+        self.command = _Seqlock(view[_ESTOP_BYTES + _size(IO_STATE) :], IO_COMMAND)
+
+    @property
+    def estop(self) -> bool:
+        """Whether somebody has asked for an e-stop that the I/O process has not taken yet."""
+        return bool(self._estop[0])
+
+    @estop.setter
+    def estop(self, asked: bool) -> None:
+        self._estop[0] = EstopSource.OPERATOR if asked else EstopSource.NONE
+
+
+def _folder() -> Path:
+    memory = Path("/dev/shm")
+    return memory if memory.is_dir() else Path(tempfile.gettempdir())
+
+
+def memory_path(config: HardwareConfig) -> Path:
+    """Where the shared memory of a robot's I/O process is, per user and network."""
+    return _folder() / f"forcelens-{os.getuid()}-{config.base.interface}-{config.base.domain}"
+
+
+def lock_path(config: HardwareConfig) -> Path:
+    """The single-writer lock of a network, one for all users of this machine."""
+    return Path(tempfile.gettempdir()) / f"forcelens-lowcmd-{config.base.interface}-{config.base.domain}.lock"

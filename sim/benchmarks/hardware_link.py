@@ -1,0 +1,308 @@
+"""The link to the robot against its bars: round trip, losses, processor share, codec cost, watchdog and e-stop reaction.
+
+Everything runs over real DDS and UDP on loopback, in three processes as on a robot: the emulated robot, the I/O process, and
+this one in the place of the control process. Protocol-verified, not robot-verified: no number here was taken on a robot.
+
+    python -m sim.benchmarks.hardware_link [--quick] [--minutes 10] [--json PATH]
+"""
+
+import multiprocessing
+import os
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable
+from multiprocessing.connection import Connection
+
+import numpy as np
+
+from control.joints import DAMPING, NOMINAL_POSITION, STIFFNESS
+from control.types import JointCommand
+from sim.backends.hardware.config import HardwareConfig
+from sim.backends.hardware.motions import MotionConfig
+from sim.backends.hardware.robot import Robot
+from sim.backends.hardware.states import DriveState, Request
+from sim.backends.hardware_backend import HONESTY, HardwareBackend, unavailable_because
+from sim.backends.unitree.dds import DdsBaseLink, DdsConfig
+from sim.backends.unitree.driver import BaseDriver
+from sim.backends.unitree.messages import LowState
+from sim.backends.z1.driver import Z1Config
+from sim.benchmarks.hardware_probe import Watch, run
+from sim.benchmarks.report import Report, argument_parser, at_least, at_most
+from sim.emulator.memory_link import MemoryBaseLink, MemoryWire
+
+_TICK_S = 0.002
+_PATIENCE_S = 20.0
+_NEXT = {DriveState.OBSERVE: Request.ENGAGE, DriveState.DAMPED: Request.STAND, DriveState.FAULT: Request.CLEAR}
+
+
+class Control:
+    """This process in the place of the control process: heartbeats and commands from a thread, requests from the outside."""
+
+    def __init__(self, config: HardwareConfig) -> None:
+        self.backend = HardwareBackend(config)
+        self.backend.open()
+        self.silent = False
+        self.last_write_s = 0.0
+        self._lock = threading.Lock()
+        threading.Thread(target=self._live, daemon=True).start()
+
+    def _live(self) -> None:
+        hold = JointCommand(NOMINAL_POSITION, np.zeros(22), STIFFNESS, DAMPING)
+        while True:
+            if not self.silent:
+                with self._lock:
+                    self.backend.write(hold)
+                    self.last_write_s = time.monotonic()
+            time.sleep(_TICK_S)
+
+    def request(self, request: Request) -> None:
+        with self._lock:
+            self.backend.request(request)
+
+    def bring_to(self, goal: DriveState) -> None:
+        """Through the states up to `goal`, asking again where something was refused.
+
+        Raises:
+            TimeoutError: with the last refusal.
+        """
+        deadline = time.monotonic() + _PATIENCE_S
+        asked_s = 0.0
+        while True:
+            status = self.backend.status()
+            if status.state == goal:
+                return
+            wanted = Request.START if status.state == DriveState.READY else _NEXT.get(status.state)
+            if wanted is not None and not status.engaging and time.monotonic() - asked_s > 0.3:
+                self.request(wanted)
+                asked_s = time.monotonic()
+            if time.monotonic() > deadline:
+                raise TimeoutError(f"not {goal.name} but {status.state.name}: {status.message}")
+            time.sleep(0.01)
+
+
+class Stage:
+    """Emulator and I/O process, and this control."""
+
+    def __init__(self, domain: int) -> None:
+        port = _free_port()
+        context = multiprocessing.get_context("spawn")
+        self._pipe, theirs = context.Pipe()
+        self._process = context.Process(target=run, args=(domain, port, theirs), daemon=True)
+        self._process.start()
+        self.emulator_realtime = bool(self._pipe.recv())
+        self.config = HardwareConfig(
+            DdsConfig(domain),
+            Z1Config("127.0.0.1", port, port + 1, gain_ramp_s=0.3),
+            motion=MotionConfig(fold_s=0.6, rise_s=1.6),
+            dry_run=False,
+            echo_tick=True,
+        )
+        self.control = Control(self.config)
+        self.io_pid = self.control.backend.io_pid
+
+    def faults(self, **changes: object) -> None:
+        _ask(self._pipe, changes)
+
+    def clear(self) -> None:
+        _ask(self._pipe, "clear")
+
+    def watch(self) -> Watch:
+        report = _ask(self._pipe, "watch")
+        assert isinstance(report, Watch)
+        return report
+
+    def close(self) -> None:
+        self.control.silent = True
+        os.kill(self.io_pid, signal.SIGTERM)
+        _ask(self._pipe, "end")
+
+
+def _ask(pipe: Connection, order: object) -> object:
+    pipe.send(order)
+    return pipe.recv()
+
+
+def _free_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+def _cpu_s(pid: int) -> float:
+    fields = open(f"/proc/{pid}/stat").read().rsplit(")", 1)[1].split()  # noqa: SIM115
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def _percentiles(report: Report, case: str, metric: str, values: np.ndarray, unit: str) -> tuple[float, float, float]:
+    p50, p99, worst = (float(np.percentile(values, p)) for p in (50, 99, 100))
+    row = {"case": case, "metric": metric, "p50": p50, "p99": p99, "max": worst, "unit": unit, "samples": len(values)}
+    report.rows.append(row)
+    return p50, p99, worst
+
+
+def _single(report: Report, case: str, metric: str, value: float, unit: str) -> None:
+    report.rows.append({"case": case, "metric": metric, "p50": value, "unit": unit})
+
+
+def measure_codec(report: Report, repetitions: int) -> None:
+    """Cost of a command (five arrays, CRC, bytes) and of a state (CRC, all fields)."""
+    wire = MemoryWire()
+    driver = BaseDriver(MemoryBaseLink(wire))
+    values = np.linspace(0.1, 1.6, 16)
+    sample = LowState().encode()
+
+    def encode() -> None:
+        driver.write(values, values, values, values, values)
+
+    def decode() -> None:
+        wire.states.append(sample)
+        driver.poll(0.0)
+
+    for name, work, limit in (("encode command", encode, 30.0), ("decode state", decode, 60.0)):
+        batches = []
+        for _ in range(repetitions):
+            start = time.perf_counter()
+            for _ in range(200):
+                work()
+            batches.append((time.perf_counter() - start) / 200 * 1e6)
+        p50, _, _ = _percentiles(report, "codec", name, np.array(batches), "us")
+        report.bars.append(at_most(f"{name} with CRC", p50, limit, "us"))
+
+
+def measure_round_trip(report: Report, stage: Stage, seconds: float) -> None:
+    """Round trips, losses, rate and processor share while the robot stands under commands."""
+    stage.control.bring_to(DriveState.POLICY)
+    time.sleep(0.5)
+    stage.clear()
+    cpu, start = _cpu_s(stage.io_pid), time.monotonic()
+    time.sleep(seconds)
+    watch = stage.watch()
+    share = 100.0 * (_cpu_s(stage.io_pid) - cpu) / (time.monotonic() - start)
+    p50, p99, _ = _percentiles(report, "link", "round trip", 1e3 * watch.round_trips_s(), "ms")
+    rate = (len(watch.frame_s) - 1) / (watch.frame_s[-1] - watch.frame_s[0])
+    _single(report, "link", "command rate", rate, "Hz")
+    _single(report, "link", "lost", watch.lost(), f"of {len(watch.state_s)}")
+    _single(report, "link", "I/O process", share, "% of a core")
+    _single(report, "link", "emulator", 100.0 * watch.cpu_s / watch.wall_s, "% of a core")
+    report.bars += [
+        at_most("round trip p50", p50, 0.6, "ms"),
+        at_most("round trip p99", p99, 1.5, "ms"),
+        at_most("lost states", watch.lost(), 0, ""),
+        at_most("command rate off 500 Hz", abs(rate - 500.0), 1.0, "Hz"),
+        at_most("I/O process", share, 25.0, "% of a core"),
+    ]
+
+
+def measure_reaction(
+    report: Report, stage: Stage, name: str, repetitions: int, limit_ms: float, provoke: Callable[[], float]
+) -> None:
+    """From the moment that `provoke` returns to the first damping frame on the wire."""
+    reactions = []
+    for repetition in range(repetitions):
+        report.progress(f"{name} {repetition + 1}/{repetitions}")
+        stage.control.bring_to(DriveState.POLICY)
+        stage.clear()
+        time.sleep(0.6)
+        moment = provoke()
+        time.sleep(0.4)
+        reactions.append(1e3 * stage.watch().damped_after_s(moment))
+        stage.faults(freeze=False)
+        stage.control.silent = False
+        time.sleep(1.5)
+    _percentiles(report, "reaction", name, np.array(reactions), "ms")
+    report.bars.append(at_most(f"{name}, p95", float(np.percentile(reactions, 95)), limit_ms, "ms"))
+
+
+def measure_false_trips(report: Report, stage: Stage, seconds: float) -> None:
+    """How often the healthy link trips."""
+    trips, end = 0, time.monotonic() + seconds
+    stage.control.bring_to(DriveState.POLICY)
+    while time.monotonic() < end:
+        time.sleep(0.1)
+        if stage.control.backend.status().state != DriveState.POLICY:
+            report.progress(f"false trip: {stage.control.backend.status().message}")
+            trips += 1
+            stage.control.bring_to(DriveState.POLICY)
+    _single(report, "link", "false trips", trips, f"in {seconds:.0f} s")
+    report.bars.append(at_most("false trips", trips, 0, f"in {seconds:.0f} s"))
+
+
+def measure_lockstep(report: Report, domain: int, steps: int) -> None:
+    """Steps per second when the emulator waits for every answer, over the same DDS."""
+    port = _free_port()
+    command = [sys.executable, "-m", "sim.emulator", "--lockstep", "--released", "--domain", str(domain)]
+    emulator = subprocess.Popen([*command, "--arm-port", str(port)], stdin=subprocess.PIPE, stderr=subprocess.DEVNULL)
+    config = HardwareConfig()
+    robot = Robot(DdsBaseLink(DdsConfig(domain)), Z1Config("127.0.0.1", port, port + 1), config.limits, False, True)
+    hold = JointCommand(NOMINAL_POSITION, np.zeros(22), STIFFNESS, DAMPING)
+    answered, start = 0, time.perf_counter()
+    while answered < steps:
+        robot.base.link.wait(_PATIENCE_S)
+        if robot.poll(time.monotonic()) and robot.frame is not None:
+            if answered == 1:
+                start = time.perf_counter()
+            robot.write(time.monotonic(), hold)
+            answered += 1
+    rate = (answered - 1) / (time.perf_counter() - start)
+    robot.close()
+    emulator.kill()
+    _single(report, "lockstep", "steps", rate, "1/s")
+    report.bars.append(at_least("lockstep", rate, 1000.0, "steps/s"))
+
+
+def main() -> None:
+    """Run every case and print rows and bars."""
+    parser = argument_parser(__doc__ or "")
+    parser.add_argument("--minutes", type=float, default=10.0, help="how long to watch for false trips (default 10)")
+    options = parser.parse_args()
+    report = Report("hardware_link", options.seed)
+    reason = unavailable_because()
+    if reason is not None:
+        raise SystemExit(reason)
+    domain = 2 + options.seed % 200
+    measure_codec(report, 5 if options.quick else 50)
+    report.progress("lockstep")
+    measure_lockstep(report, domain, 500 if options.quick else 5000)
+    stage = Stage(domain + 1)
+    try:
+        repetitions = 2 if options.quick else 25
+        limits = stage.config.limits
+        report.progress("round trip")
+        measure_round_trip(report, stage, 3.0 if options.quick else 60.0)
+
+        def freeze() -> float:
+            stage.faults(freeze=True)
+            return float(stage.watch().state_s[-1])
+
+        def silence() -> float:
+            stage.control.silent = True
+            time.sleep(2 * _TICK_S)
+            return stage.control.last_write_s
+
+        def estop() -> float:
+            moment = time.monotonic()
+            stage.control.backend.estop()
+            return moment
+
+        frozen_ms, silent_ms = 1e3 * limits.state_damp_s, 1e3 * limits.command_damp_s
+        measure_reaction(report, stage, "states stop", repetitions, frozen_ms + 6.0, freeze)
+        measure_reaction(report, stage, "control silent", repetitions, silent_ms + 6.0, silence)
+        measure_reaction(report, stage, "e-stop", repetitions, 10.0, estop)
+        report.progress("false trips")
+        measure_false_trips(report, stage, 5.0 if options.quick else 60.0 * options.minutes)
+        status = stage.control.backend.status()
+        scheduling = status.realtime_scheduling and stage.emulator_realtime
+        _single(report, "machine", "real-time scheduling", float(scheduling), "1 = granted")
+        _single(report, "machine", "load average", os.getloadavg()[0], "")
+    finally:
+        stage.close()
+    report.finish(options.json)
+    print(f"\n{HONESTY}")
+
+
+if __name__ == "__main__":
+    main()

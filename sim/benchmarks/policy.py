@@ -1,0 +1,161 @@
+"""Policy benchmark: whole-body tracking and force regulation on the full stack, for each controller and force input.
+
+    python -m sim.benchmarks.policy [--quick] [--controllers NAME ...] [--minutes M] [--json PATH] [--plot DIR]
+
+Random commands with every mask against virtual springs at +-10, +-20 and +-30 N, with noisy sensors and the real estimators:
+tracking errors, falls, power, overshoot where an axis changes to force control; then pushes at the hand, wrong masses, and
+the force input replaced by truth, zero and other estimators.
+"""
+
+import sys
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from control.controller import ControllerInput
+from control.momentum_observer import PAPER_GAINS
+from control.pipeline import Pipeline, PipelineConfig
+from sim.benchmarks.policy_trials import ControllerTrial, Errors, TrialSetup, random_commands
+from sim.benchmarks.report import Report, Row, argument_parser, at_most
+from sim.policy_score import rms, settled_position_cm
+
+AXES = ("x", "y", "z")
+LEVELS_N = (10.0, 20.0, 30.0)
+MASS_SCALES = (0.8, 1.2)
+PUSH_N = 15.0
+INFERENCE_REPEATS = 300
+
+
+def cases(name: str, estimators: tuple[str, ...]) -> Iterator[tuple[str, TrialSetup]]:
+    """What is run with a controller: name of the case, and its setup."""
+    plain = TrialSetup(controller=name)
+    yield "random", plain
+    yield f"pushes {PUSH_N:g} N", replace(plain, push_n=PUSH_N)
+    for scale in MASS_SCALES:
+        yield f"mass {scale:g}", replace(plain, mass_scale=scale)
+    for force_input in ("truth", "zero"):
+        yield f"force input {force_input}", replace(plain, force_input=force_input)
+    gains = (PAPER_GAINS.k1, PAPER_GAINS.k2)
+    yield "force input gmo_cqp", replace(plain, estimator="gmo_cqp", gains=gains)
+    for estimator in ("tcn", "hybrid"):
+        if estimator in estimators:
+            yield f"force input {estimator}", replace(plain, estimator=estimator)
+
+
+def summary(case: str, setup: TrialSetup, errors: Errors) -> Row:
+    """One row of a case."""
+    row: Row = {"case": case, "controller": setup.controller, "estimator": setup.estimator, "mass_scale": setup.mass_scale}
+    row |= {
+        "rmse_velocity_mps": rms(np.array(errors.forward)),
+        "rmse_yaw_rps": rms(np.array(errors.yaw)),
+        "settled_position_cm": settled_position_cm(errors),
+        "settled_orientation_deg": float(np.degrees(rms(np.array(errors.orientation)))),
+    }
+    row |= {f"rmse_force_{level:g}n_n": rms(np.array(errors.force.get(level, []))) for level in LEVELS_N}
+    row |= {
+        "rmse_estimate_n": rms(np.array(errors.estimate)),
+        "overshoot_median_n": float(np.median(errors.overshoot)) if errors.overshoot else None,
+        "power_w": float(np.mean(errors.power)) if errors.power else None,
+        "falls": errors.falls,
+        "robot_minutes": errors.robot_minutes,
+    }
+    return row
+
+
+def mask_rows(name: str, errors: Errors) -> list[Row]:
+    """Force error per axis for each mask that was asked for."""
+    rows: list[Row] = []
+    for mask, samples in sorted(errors.force_by_mask.items()):
+        error = np.array(samples)
+        if not error.size or mask == "000":
+            continue
+        row: Row = {"case": f"mask {mask}", "controller": name}
+        rows.append(row | {f"rmse_force_{axis}_n": rms(error[:, index]) for index, axis in enumerate(AXES)})
+    return rows
+
+
+def inference_ms(name: str) -> float:
+    """Median time of one controller step at a standing robot, ms."""
+    trial = ControllerTrial(TrialSetup(controller=name), seed=1, settle_s=0.2)
+    pipeline, output = trial.session.pipeline, trial.session.output
+    inputs = ControllerInput(
+        sensor=trial.session.backend.read(),
+        base=output.base,
+        model=pipeline.model,
+        command=output.applied_command,
+        force_in_heading=output.hand.force_in_heading,
+    )
+    controller, times = pipeline.controllers[name], []
+    for _ in range(INFERENCE_REPEATS):
+        start = time.perf_counter()
+        controller.step(inputs)
+        times.append(time.perf_counter() - start)
+    return 1e3 * float(np.median(times))
+
+
+def add_bars(report: Report, name: str, errors: Errors, pushed: Errors) -> None:
+    """The bars of the random run and of the pushes."""
+    report.bars += [
+        at_most(f"{name}: velocity RMSE", rms(np.array(errors.forward)), 0.05, "m/s"),
+        at_most(f"{name}: yaw rate RMSE", rms(np.array(errors.yaw)), 0.10, "rad/s"),
+        at_most(f"{name}: settled position", settled_position_cm(errors), 1.2, "cm"),
+        at_most(f"{name}: force RMSE at 10 N", rms(np.array(errors.force.get(10.0, []))), 1.5, "N"),
+        at_most(f"{name}: force RMSE at 20 N", rms(np.array(errors.force.get(20.0, []))), 2.0, "N"),
+        at_most(f"{name}: falls", errors.falls, 0, "1"),
+        at_most(f"{name}: falls with pushes", pushed.falls, 1, "1"),
+        at_most(f"{name}: inference", inference_ms(name), 0.5, "ms"),
+    ]
+
+
+def plot(folder: Path, rows: list[Row]) -> None:
+    """Force error by force input, for each controller."""
+    # Plots are optional, so the library is only needed for them.
+    from matplotlib import pyplot
+
+    names = list(dict.fromkeys(str(row["controller"]) for row in rows))
+    labels = list(dict.fromkeys(str(row["case"]) for row in rows if "rmse_force_20n_n" in row))
+    figure, panel = pyplot.subplots(figsize=(9, 3.5), layout="constrained")
+    for index, name in enumerate(names):
+        values = {
+            str(row["case"]): row["rmse_force_20n_n"] for row in rows if row["controller"] == name and row["case"] in labels
+        }
+        heights = [float(values.get(label) or np.nan) for label in labels]
+        panel.bar(np.arange(len(labels)) + 0.8 * index / len(names), heights, 0.8 / len(names), label=name)
+    panel.set_xticks(np.arange(len(labels)) + 0.3, labels, rotation=20, ha="right")
+    panel.set_ylabel("force RMSE at 20 N [N]")
+    panel.legend()
+    folder.mkdir(parents=True, exist_ok=True)
+    figure.savefig(folder / "policy_force_inputs.png", dpi=120)
+
+
+def main() -> int:
+    """Run the benchmark and report."""
+    parser = argument_parser("Whole-body tracking and force regulation of every controller on the full stack.")
+    pipeline = Pipeline(PipelineConfig())
+    parser.add_argument("--controllers", nargs="+", default=list(pipeline.controller_names), help="default: all there are")
+    parser.add_argument("--minutes", type=float, default=60.0, help="robot-minutes of random commands; a tenth in other cases")
+    arguments = parser.parse_args()
+    report = Report("policy", arguments.seed)
+    minutes = 0.1 if arguments.quick else arguments.minutes
+    for name in arguments.controllers:
+        results: dict[str, Errors] = {}
+        for case, setup in cases(name, pipeline.estimator_names):
+            share = 1.0 if case == "random" or setup.push_n or arguments.quick else 0.1
+            results[case] = random_commands(setup, arguments.seed, share * minutes, LEVELS_N)
+            report.rows.append(summary(case, setup, results[case]))
+            report.progress(f"{name}, {case}: {results[case].falls} falls")
+            if arguments.quick and setup.push_n:
+                break
+        report.rows += mask_rows(name, results["random"])
+        add_bars(report, name, results["random"], results[f"pushes {PUSH_N:g} N"])
+    report.finish(arguments.json)
+    if arguments.plot is not None:
+        plot(arguments.plot, report.rows)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

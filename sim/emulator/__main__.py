@@ -1,0 +1,100 @@
+"""`python -m sim.emulator`: an emulated robot on this machine, for the console's hardware backend and the vendor's software.
+
+Faults are switched by JSON lines on standard input, for example {"freeze": true} or {"nan": "FL_calf"}.
+"""
+
+import argparse
+import json
+import logging
+import os
+import signal
+import sys
+import threading
+from collections.abc import Sequence
+from dataclasses import fields
+
+from control.joints import JOINT_NAMES
+from sim.backends.protocol import BackendError
+from sim.backends.unitree.dds import DdsConfig, DdsRobotLink
+from sim.emulator.arm_controller import ArmPorts
+from sim.emulator.base_board import DEFAULT_MODE
+from sim.emulator.emulator import Emulator, EmulatorConfig
+from sim.emulator.faults import Faults
+
+FIFO_PRIORITY = 25
+
+_log = logging.getLogger("forcelens.emulator")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the emulator; returns the exit status."""
+    parser = argparse.ArgumentParser(
+        prog="forcelens emulate", description=__doc__, formatter_class=argparse.RawTextHelpFormatter
+    )
+    parser.add_argument("--domain", type=int, default=1, help="DDS domain (default 1; 0 is the real robot's)")
+    parser.add_argument("--interface", default="lo", help="network interface (default lo)")
+    parser.add_argument("--allow-robot", action="store_true", help="permit domain 0 or an interface other than lo")
+    parser.add_argument("--multicast", action="store_true", help="discover by multicast, as the vendor's software does")
+    parser.add_argument("--arm-port", type=int, default=8071, help="UDP port on which z1_ctrl listens; it answers on the next")
+    parser.add_argument("--lockstep", action="store_true", help="step when the command for the last state has arrived")
+    parser.add_argument("--released", action="store_true", help="no motion program owns the motors at the start")
+    parser.add_argument("--duration", type=float, help="seconds to run (default: until interrupted)")
+    parser.add_argument("--seed", type=int, default=0, help="of sensor errors and random faults")
+    parser.add_argument("--fault", action="append", default=[], metavar="JSON", help='faults from the start: {"drop": 0.01}')
+    options = parser.parse_args(arguments)
+    logging.basicConfig(level=logging.INFO, format="%(name)s: %(message)s")
+    try:
+        link = DdsRobotLink(DdsConfig(options.domain, options.interface, options.allow_robot, options.multicast))
+        config = EmulatorConfig(
+            seed=options.seed,
+            mode="" if options.released else DEFAULT_MODE,
+            arm=ArmPorts(options.arm_port, options.arm_port + 1),
+        )
+        emulator = Emulator(config, link)
+        for text in options.fault:
+            emulator.faults.update(json.loads(text), JOINT_NAMES)
+    except (BackendError, ValueError) as error:
+        _log.error("%s", error)
+        return 2
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    threading.Thread(target=_read_faults, args=(emulator.faults,), daemon=True).start()
+    _log.info("robot on DDS domain %d, interface %s; arm on UDP %d", options.domain, options.interface, options.arm_port)
+    try:
+        if options.lockstep:
+            emulator.run_lockstep(options.duration)
+        else:
+            _request_realtime()
+            emulator.run_realtime(options.duration)
+    except KeyboardInterrupt:
+        _log.info("interrupted")
+    if emulator.faults.kill:
+        os._exit(137)
+    emulator.close()
+    base = emulator.base
+    counts = (emulator.steps, base.accepted, base.refused, base.bad_commands, emulator.resends)
+    _log.info("%d steps; commands: %d obeyed, %d refused, %d unsound; %d states sent again", *counts)
+    return 0
+
+
+def _request_realtime() -> None:
+    """A robot's board is never late because of another program on this machine."""
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(FIFO_PRIORITY))
+    except (OSError, AttributeError) as error:
+        _log.warning("no real-time scheduling (%s): states will be late under load", error)
+
+
+def _read_faults(faults: Faults) -> None:
+    names = ", ".join(field.name for field in fields(Faults))
+    for line in sys.stdin:
+        try:
+            changes = json.loads(line)
+            if not isinstance(changes, dict):
+                raise ValueError(f"a line must be a JSON object with fields of {names}")
+            faults.update(changes, JOINT_NAMES)
+        except ValueError as error:
+            _log.error("%s", error)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,63 @@
+"""The emulated robot's body: MuJoCo with a torque law per motor at every physics step, and motors that warm up."""
+
+import numpy as np
+
+from control.joints import ARM_SLICE, JOINT_COUNT, LEG_SLICE, NOMINAL_POSITION, TORQUE_LIMIT
+from control.types import JointCommand, SensorFrame
+from sim.backends.mujoco_backend import MujocoBackend
+from sim.sensors import SensorConfig
+
+STEP_S = 0.002
+AMBIENT_C = 35.0
+HEATING_C_PER_S = 1.0
+COOLING_TIME_S = 120.0
+"""First-order motor temperature: full torque heats by HEATING_C_PER_S, everything cools towards AMBIENT_C."""
+
+CROUCH = NOMINAL_POSITION.copy()
+CROUCH[LEG_SLICE] = [0.0, 1.3, -2.6] * 4
+ARM_FOLDED = np.array([0.0, 0.1, -0.1, -0.07, 0.0, 0.0])
+CROUCH[ARM_SLICE] = ARM_FOLDED
+CROUCH.setflags(write=False)
+"""Lying on the wheels with folded legs and arm, (22,) rad: how the robot is switched on."""
+
+_SETTLE_S = 1.5
+_HOLD_STIFFNESS = np.array([60.0] * 12 + [0.0] * 4 + [40.0] * 6)
+_HOLD_DAMPING = np.array([4.0] * 12 + [1.0] * 4 + [3.0] * 6)
+
+
+def hold(posture: np.ndarray) -> JointCommand:
+    """What the robot's own program uses to hold a posture (22,)."""
+    zero = np.zeros(JOINT_COUNT)
+    return JointCommand(posture, zero, _HOLD_STIFFNESS, _HOLD_DAMPING)
+
+
+class RobotBody:
+    """Physics at 500 Hz. `backend` is the simulator, for drags and truth in tests and benchmarks."""
+
+    def __init__(self, sensors: SensorConfig, seed: int) -> None:
+        self.backend = MujocoBackend(sensors=sensors, seed=seed)
+        self.backend.open()
+        self.temperature = np.full(JOINT_COUNT, AMBIENT_C)
+        self.time_s = 0.0
+        self._settle()
+
+    @property
+    def frame(self) -> SensorFrame:
+        """What the robot's sensors say now."""
+        return self.backend.read()
+
+    def step(self, command: JointCommand) -> None:
+        """Advance by STEP_S under a command; torque follows position and velocity at this very step."""
+        self.backend.write(command)
+        self.time_s += STEP_S
+        load = np.minimum(np.abs(self.frame.joint_torque) / TORQUE_LIMIT, 1.0)
+        cooling = (self.temperature - AMBIENT_C) / COOLING_TIME_S
+        self.temperature += STEP_S * (HEATING_C_PER_S * load * load - cooling)
+
+    def _settle(self) -> None:
+        """Lower the robot from the simulator's stance to how it is switched on."""
+        start = self.frame.joint_position.copy()
+        steps = int(_SETTLE_S / STEP_S)
+        for step in range(steps):
+            blend = min(1.0, 1.5 * step / steps)
+            self.backend.write(hold(start + blend * (CROUCH - start)))

@@ -1,0 +1,235 @@
+"""One training run of the policy: imitation of the teacher, then PPO; checkpoints scored on the full stack, the best kept."""
+
+import json
+import logging
+import time
+from dataclasses import asdict, dataclass, field, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from control.controller import Controller
+from control.joints import JOINT_COUNT
+from control.learning.actor_critic import HIDDEN, ActorCritic
+from control.learning.dagger import DaggerConfig, imitate
+from control.learning.policy_curves import save_policy_curves
+from control.learning.ppo import Ppo, PpoConfig
+from control.observation import EXTENDED_FORM, Observation
+from control.policy import PolicyController
+from control.policy_weights import PolicyManifest, interface, load_policy, save_policy
+from control.robot_model import RobotModel
+from sim.benchmarks.report import commit
+from sim.policy_score import Score, score_controller
+from sim.training_env import PRIVILEGED_SIZE, TrainingEnv, TrainingEnvConfig
+
+logger = logging.getLogger("train_policy")
+
+SCHEMA = 1
+_FROM_SCRATCH = PpoConfig(actor_rate=1e-3, epochs=5, entropy=0.002, critic_only=0)
+
+
+@dataclass(frozen=True, slots=True)
+class PolicyTrainingConfig:
+    """Attributes:
+    name: of the weights.
+    form: of the observation.
+    seed: of initialisation, environment and noise.
+    count, threads: robots, and CPU threads of physics and networks.
+    imitation_steps: environment steps of DAgger; 0 to learn from scratch.
+    ppo_iterations: after it.
+    score_every: iterations between two scores.
+    score_seed, score_minutes: trials of the score; never those of a benchmark.
+    warm_std, scratch_std: action noise after imitation, and without it.
+    bfloat16: compute hidden layers in bfloat16; pays on CPUs with such instructions.
+    """
+
+    name: str = "policy"
+    form: str = EXTENDED_FORM
+    seed: int = 0
+    count: int = 512
+    threads: int = 1
+    imitation_steps: int = 3000
+    ppo_iterations: int = 1600
+    score_every: int = 160
+    score_seed: int = 7000
+    score_minutes: float = 0.5
+    warm_std: float = 0.1
+    scratch_std: float = 0.6
+    bfloat16: bool = True
+    dagger: DaggerConfig = field(default_factory=DaggerConfig)
+    ppo: PpoConfig = field(default_factory=PpoConfig)
+
+
+class RunError(RuntimeError):
+    """A run folder belongs to another training."""
+
+
+def load_controller(directory: Path, name: str, model: RobotModel) -> Controller:
+    """The policy `name` of `directory`, whether it has met the score or not."""
+    return PolicyController(*load_policy(name, directory))
+
+
+class PolicyTraining:
+    """Network, learner, environment and log of one run; continues from the checkpoint in its folder."""
+
+    def __init__(self, run: Path, config: PolicyTrainingConfig) -> None:
+        """
+        Raises:
+            RunError: `run` holds a checkpoint of another training.
+            SurrogateError: the estimator surrogate has not been fitted.
+        """
+        torch.manual_seed(config.seed)
+        torch.set_num_threads(config.threads)
+        self.run, self.config = run, config
+        from_scratch = config.imitation_steps == 0
+        std = config.scratch_std if from_scratch else config.warm_std
+        self._size = Observation(config.form).size
+        self.network = ActorCritic(self._size, PRIVILEGED_SIZE, JOINT_COUNT, std, config.bfloat16)
+        self.learner = Ppo(self.network, _FROM_SCRATCH if from_scratch else config.ppo)
+        self.imitated = from_scratch
+        self.steps = 0
+        self.history: dict[str, list[dict[str, Any]]] = {"imitation": [], "ppo": [], "score": []}
+        self.best: dict[str, Any] | None = None
+        self._resume()
+        # What has been learned is kept; the robots start anew, under commands not seen before.
+        self.env = TrainingEnv(
+            TrainingEnvConfig(
+                count=config.count, threads=config.threads, seed=config.seed + self.learner.iteration, form=config.form
+            )
+        )
+        self._reference: Score | None = None
+
+    @property
+    def reference(self) -> Score:
+        """Score of the model-based controller on the same trials."""
+        if self._reference is None:
+            self._reference = score_controller("model_based", None, self.config.score_seed, self.config.score_minutes)
+            logger.info("model_based scores %.3f: %s", self._reference.total, _rounded(self._reference.parts))
+        return self._reference
+
+    def fit(self) -> None:
+        """Run what is left of the training."""
+        config = self.config
+        if not self.imitated:
+            dagger = replace(config.dagger, steps=config.imitation_steps)
+            imitate(self.env, self.network, dagger, self._log_imitation)
+            self.steps = config.imitation_steps * config.count
+            self.imitated = True
+            self._score()
+        started, steps_then = time.perf_counter(), self.steps
+        while self.learner.iteration < config.ppo_iterations:
+            statistics = self.learner.iterate(self.env)
+            self.steps += config.count * self.learner.config.horizon
+            self.history["ppo"].append({"steps": self.steps, **asdict(statistics)})
+            if self.learner.iteration % 10 == 0:
+                rate = (self.steps - steps_then) / (time.perf_counter() - started)
+                logger.info(
+                    "iteration %d, %.2f M steps, %.0f steps/s: reward %s, kl %.4f, rate %.1e, std %.3f, value loss %.4f",
+                    self.learner.iteration,
+                    self.steps / 1e6,
+                    rate,
+                    [round(value, 4) for value in statistics.reward],
+                    statistics.kl,
+                    statistics.actor_rate,
+                    statistics.std,
+                    statistics.value_loss,
+                )
+                self._save_checkpoint()
+            if self.learner.iteration % config.score_every == 0:
+                self._score()
+        if not self.history["score"] or self.history["score"][-1]["steps"] != self.steps:
+            self._score()
+
+    def export(self, directory: Path, command: str) -> PolicyManifest:
+        """Write the best checkpoint's weights with their manifest."""
+        if self.best is None:
+            raise RunError(f"{self.run} has no scored checkpoint; run fit() first")
+        manifest, arrays = self._candidate(self.best["parameters"])
+        score, reference = self.best["score"], self.reference
+        training = {
+            "command": command,
+            "commit": commit(),
+            "seed": self.config.seed,
+            "steps": self.best["steps"],
+            "config": asdict(self.config),
+        }
+        metrics = {
+            "score": score,
+            "model_based_score": asdict(reference),
+            "score_seed": self.config.score_seed,
+            "score_minutes": self.config.score_minutes,
+        }
+        manifest = replace(manifest, meets_score=score["total"] <= reference.total, training=training, metrics=metrics)
+        path = save_policy(directory, manifest, arrays)
+        logger.info("wrote %s: score %.3f, model_based %.3f", path, score["total"], reference.total)
+        return manifest
+
+    def _score(self) -> None:
+        parameters = {name: tensor.detach().clone() for name, tensor in self.network.state_dict().items()}
+        manifest, arrays = self._candidate(parameters)
+        save_policy(self.run, manifest, arrays)
+        make = partial(load_controller, self.run, manifest.name)
+        score = score_controller(manifest.name, make, self.config.score_seed, self.config.score_minutes)
+        self.history["score"].append({"steps": self.steps, **asdict(score)})
+        parts = _rounded(score.parts)
+        logger.info("score %.3f after %.2f M steps: %s, falls %d", score.total, self.steps / 1e6, parts, score.falls)
+        if self.best is None or score.total < self.best["score"]["total"]:
+            self.best = {"score": asdict(score), "steps": self.steps, "parameters": parameters}
+        self._save_checkpoint()
+        save_policy_curves(self.run / "curves.png", manifest.name, self.history, self.reference.total)
+
+    def _candidate(self, parameters: dict[str, torch.Tensor]) -> tuple[PolicyManifest, dict[str, Any]]:
+        config, arrays = self.config, {}
+        names = [f"actor_trunk.{2 * index}" for index in range(len(HIDDEN))] + ["actor_head"]
+        for index, name in enumerate(names):
+            arrays[f"weight_{index}"] = parameters[f"{name}.weight"].numpy()
+            arrays[f"bias_{index}"] = parameters[f"{name}.bias"].numpy()
+        layers = (self._size, *HIDDEN, JOINT_COUNT)
+        return PolicyManifest(config.name, config.form, interface(config.form), layers), arrays
+
+    def _log_imitation(self, step: int, loss: float) -> None:
+        self.history["imitation"].append({"steps": step * self.config.count, "loss": loss})
+        if step % 250 == 0:
+            logger.info("imitation step %d/%d: loss %.5f", step, self.config.imitation_steps, loss)
+
+    @property
+    def _identity(self) -> dict[str, Any]:
+        """What must be the same for a checkpoint to be continued."""
+        return {"schema": SCHEMA, "seed": self.config.seed, "interface": interface(self.config.form), "hidden": list(HIDDEN)}
+
+    def _save_checkpoint(self) -> None:
+        state = {
+            "identity": self._identity,
+            "network": self.network.state_dict(),
+            "learner": self.learner.state(),
+            "imitated": self.imitated,
+            "steps": self.steps,
+            "history": self.history,
+            "best": self.best,
+            "generator": torch.get_rng_state(),
+        }
+        self.run.mkdir(parents=True, exist_ok=True)
+        partial_path = self.run / "checkpoint.partial"
+        torch.save(state, partial_path)
+        partial_path.replace(self.run / "checkpoint.pt")
+        (self.run / "history.json").write_text(json.dumps(self.history) + "\n")
+
+    def _resume(self) -> None:
+        path = self.run / "checkpoint.pt"
+        if not path.is_file():
+            return
+        state = torch.load(path, weights_only=True)
+        if state["identity"] != self._identity:
+            raise RunError(f"{path} belongs to another training; choose another --run or delete it")
+        self.network.load_state_dict(state["network"])
+        self.learner.restore(state["learner"])
+        self.imitated, self.steps = state["imitated"], state["steps"]
+        self.history, self.best = state["history"], state["best"]
+        torch.set_rng_state(state["generator"])
+        logger.info("resumed after %.2f M steps of %s", self.steps / 1e6, path)
+
+
+def _rounded(parts: dict[str, float]) -> dict[str, float]:
+    return {name: round(value, 3) for name, value in parts.items()}

@@ -1,0 +1,112 @@
+"""What a scene is: the robot on a floor, and objects that it can push, wipe, turn or open."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+ROBOT_MJCF = Path(__file__).resolve().parents[2] / "assets" / "robot" / "robot.xml"
+
+DRY_FRICTION_SOLIMP = (0.99, 0.999, 0.001, 0.5, 2.0)
+"""Constraint impedance of dry joint friction that really holds: MuJoCo's default one creeps under load."""
+
+_PRIMITIVES = {
+    mujoco.mjtGeom.mjGEOM_PLANE: "plane",
+    mujoco.mjtGeom.mjGEOM_SPHERE: "sphere",
+    mujoco.mjtGeom.mjGEOM_CAPSULE: "capsule",
+    mujoco.mjtGeom.mjGEOM_ELLIPSOID: "ellipsoid",
+    mujoco.mjtGeom.mjGEOM_CYLINDER: "cylinder",
+    mujoco.mjtGeom.mjGEOM_BOX: "box",
+}
+
+
+@dataclass(frozen=True)
+class Primitive:
+    """One geom of a body that is not the robot, for drawing.
+
+    Attributes:
+        name: of the geom.
+        kind: "plane", "sphere", "capsule", "ellipsoid", "cylinder" or "box".
+        size: (3,) m, as MuJoCo defines it: half extents of a box, radius and half length (along z) of a capsule or
+            cylinder, radius of a sphere, half axes of an ellipsoid; zeros where unused (an infinite plane is all zero).
+        body: name of the body that carries it, "world" for a fixed one.
+        position: (3,) m, in the body's frame.
+        orientation_wxyz: (4,), geom to body.
+        rgba: (4,) 0-1.
+    """
+
+    name: str
+    kind: str
+    size: np.ndarray
+    body: str
+    position: np.ndarray
+    orientation_wxyz: np.ndarray
+    rgba: np.ndarray
+
+
+@dataclass(frozen=True)
+class SceneModel:
+    """A scene, ready to simulate.
+
+    Attributes:
+        name: as in sim.scenes.SCENE_NAMES.
+        description: one line for the page.
+        model: the compiled model. Its holder may change it (masses, friction): build the scene anew for a fresh one.
+        robot_bodies: names of the robot's bodies.
+        movable_bodies: names of the object bodies that move, in the order of GroundTruth.object_positions.
+        primitives: all geoms that are not the robot's, fixed and movable.
+    """
+
+    name: str
+    description: str
+    model: mujoco.MjModel
+    robot_bodies: tuple[str, ...]
+    movable_bodies: tuple[str, ...]
+    primitives: tuple[Primitive, ...]
+
+
+def assemble(name: str, description: str, add_objects: Callable[[mujoco.MjSpec], tuple[str, ...]]) -> SceneModel:
+    """Robot and floor, plus what `add_objects(spec)` adds; it returns the names of the bodies that move."""
+    spec = mujoco.MjSpec.from_file(str(ROBOT_MJCF))
+    robot_bodies = tuple(body.name for body in spec.bodies if body.name != "world")
+    _forget_robot_defaults(spec)
+    # The wheels and the tool have priority 1, so their friction holds on whatever they touch.
+    spec.worldbody.add_geom(
+        name="floor",
+        type=mujoco.mjtGeom.mjGEOM_PLANE,
+        size=[0.0, 0.0, 0.05],
+        rgba=[0.82, 0.83, 0.85, 1.0],
+        friction=[0.8, 0.01, 0.001],
+    )
+    movable_bodies = add_objects(spec)
+    model = spec.compile()
+    return SceneModel(name, description, model, robot_bodies, movable_bodies, _primitives(model, robot_bodies))
+
+
+def _forget_robot_defaults(spec: mujoco.MjSpec) -> None:
+    """New elements take the main defaults, which in the robot's file are those of its drives and hidden collision geoms."""
+    joint, geom = spec.default.joint, spec.default.geom
+    joint.armature, joint.frictionloss, joint.damping = 0.0, 0.0, [0.0, 0.0, 0.0]
+    geom.group = 0
+
+
+def _primitives(model: mujoco.MjModel, robot_bodies: tuple[str, ...]) -> tuple[Primitive, ...]:
+    primitives = []
+    for geom in range(model.ngeom):
+        body = model.body(model.geom_bodyid[geom]).name
+        if body in robot_bodies:
+            continue
+        primitives.append(
+            Primitive(
+                name=model.geom(geom).name,
+                kind=_PRIMITIVES[mujoco.mjtGeom(model.geom_type[geom])],
+                size=model.geom_size[geom].copy(),
+                body=body,
+                position=model.geom_pos[geom].copy(),
+                orientation_wxyz=model.geom_quat[geom].copy(),
+                rgba=model.geom_rgba[geom].copy(),
+            )
+        )
+    return tuple(primitives)

@@ -1,0 +1,278 @@
+"""The training environment: many robots under random commands, seen as the policy sees one (control.observation).
+
+One `step`: targets -> two physics steps with the surroundings' forces -> reward from truth -> new references, estimate and
+observation. What the policy and the teacher get carries sensor noise and the estimator's errors; only rewards and the
+critic's privileged part see truth.
+"""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from control.arm_control import ArmConfig
+from control.command import CommandLimits
+from control.controller import CONTROL_PERIOD_S
+from control.joints import JOINT_COUNT, NOMINAL_BASE_HEIGHT_M, NOMINAL_POSITION, WHEEL_SLICE
+from control.observation import EXTENDED_FORM, ActionScales, Observation, advance_phase
+from control.task_memory import TaskMemory, TaskMemoryConfig, TaskSignals
+from sim.batch_rotations import quaternions_from_rotations, rotate_back, rotation_errors, rotations_from_quaternions
+from sim.estimator_surrogate import EstimatorSurrogate, SurrogateParameters, fitted_surrogate
+from sim.training_commands import CommandRanges, CommandSource
+from sim.training_references import BatchedReferences
+from sim.training_rewards import RewardInput, RewardScales, rewards
+from sim.training_robot import SUBSTEPS, BatchedRobot, Randomization
+from sim.training_surroundings import SurroundingRanges, Surroundings
+from sim.training_teacher import BatchedTeacher
+
+PRIVILEGED_SIZE = 22
+
+TEACHER_ARM = replace(ArmConfig(), contact_share=0.0, load_gain=0.0)
+"""The model-based arm in its plain form, without the approach to contact and the load that axes in motion carry."""
+
+
+@dataclass(frozen=True, slots=True)
+class SensorNoise:
+    """Standard deviation of the white noise on what is observed."""
+
+    joint_position_rad: float = 2e-3
+    joint_velocity_rps: float = 0.03
+    joint_torque_nm: float = 0.1
+    angular_velocity_rps: float = 0.01
+    gravity: float = 0.004
+    hand_position_m: float = 1e-3
+    rolling_velocity_mps: float = 0.008
+
+
+@dataclass(frozen=True, slots=True)
+class TrainingEnvConfig:
+    """What the environment is made of. `episode_s` ends episodes; fallen robots start anew at once."""
+
+    count: int = 512
+    threads: int = 1
+    seed: int = 0
+    form: str = EXTENDED_FORM
+    episode_s: float = 12.0
+    fallen_gravity_z: float = -0.75
+    fallen_height_m: float = 0.2
+    commands: CommandRanges = field(default_factory=CommandRanges)
+    surroundings: SurroundingRanges = field(default_factory=SurroundingRanges)
+    randomization: Randomization = field(default_factory=Randomization)
+    noise: SensorNoise = field(default_factory=SensorNoise)
+    rewards: RewardScales = field(default_factory=RewardScales)
+    teacher_arm: ArmConfig = TEACHER_ARM
+    surrogate: SurrogateParameters | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class StepResult:
+    """Attributes:
+    reward: (n, 2) locomotion and end effector. done: (n,) bool.
+    ended: (k,) robots whose time was up (not fallen), with their last observation (k, o) and privileged part (k, p):
+        the value of that state, not zero, follows.
+    state: what the reward was computed from. mask: (n, 3). segment_s: (n,) time since the command changed.
+    """
+
+    reward: np.ndarray
+    done: np.ndarray
+    ended: np.ndarray
+    last_observation: np.ndarray
+    last_privileged: np.ndarray
+    state: RewardInput
+    mask: np.ndarray
+    segment_s: np.ndarray
+
+
+class TrainingEnv:
+    """n robots. `observation` and `privileged` are current after construction and after every `step`."""
+
+    def __init__(self, config: TrainingEnvConfig) -> None:
+        """
+        Raises:
+            SurrogateError: no surrogate is given and none has been fitted.
+        """
+        self.config, count = config, config.count
+        random = self._random = np.random.default_rng(config.seed)
+        self.robot = BatchedRobot(count, config.threads, config.randomization, random)
+        self.source = CommandSource(count, config.commands, random)
+        self.references = BatchedReferences(count, CommandLimits())
+        self.surroundings = Surroundings(self.robot, self.source, config.surroundings, random)
+        surrogate = config.surrogate or fitted_surrogate()
+        self.estimator = EstimatorSurrogate(surrogate, self.robot.mass_scale, random)
+        self.teacher = BatchedTeacher(self.robot, config.teacher_arm)
+        self.memory = TaskMemory(TaskMemoryConfig(), (count,))
+        self.form = Observation(config.form)
+        self.action_scale = ActionScales().per_joint()
+        self._action_limit = ActionScales().limit
+        self._nominal = NOMINAL_POSITION.copy()
+        self._nominal[WHEEL_SLICE] = 0.0
+        self._action = np.zeros((count, JOINT_COUNT))
+        self._phase = np.zeros((count, 1))
+        self._hand_force = np.zeros((count, 3))
+        # Robots start at different ages, so that they do not all start anew together.
+        self._age_s = random.uniform(0.0, config.episode_s, count)
+        self._reset(np.arange(count))
+        self._hand = self._measured_hand()
+        self._observe()
+
+    @property
+    def observation_size(self) -> int:
+        """Length of an observation."""
+        return self.form.size
+
+    def teacher_action(self) -> np.ndarray:
+        """Action (n, 22) of the teacher at the current observation; call once per step."""
+        targets = self.teacher.targets(self.signals, self.memory)
+        return np.clip((targets - self._nominal) / self.action_scale, -self._action_limit, self._action_limit)
+
+    def step(self, action: np.ndarray) -> StepResult:
+        """Act (n, 22) for one control period."""
+        config, robot = self.config, self.robot
+        action = np.clip(action.astype(float), -self._action_limit, self._action_limit)
+        robot.set_targets(self._nominal + self.action_scale * action)
+        mean_force = np.zeros_like(self._hand_force)
+        for substep in range(SUBSTEPS):
+            force = self.surroundings.force()
+            robot.apply_hand_force(force)
+            robot.step(refresh=substep == SUBSTEPS - 1)
+            mean_force += force / SUBSTEPS
+        self._hand_force = rotate_back(robot.rotation_heading_to_world, mean_force)
+        change, self._action = action - self._action, action
+        self._phase = advance_phase(self._phase)
+        state = self._judge(change)
+        reward = rewards(config.rewards, state)
+        mask, segment_s = self.references.mask, self.source.time_s.copy()
+
+        self._age_s += CONTROL_PERIOD_S
+        done = state.fallen | (self._age_s >= config.episode_s)
+        ended = np.flatnonzero(done & ~state.fallen)
+        self._advance_references()
+        self._observe()
+        last = self.observation[ended], self.privileged[ended]
+        fresh, over = np.flatnonzero(done), self.source.time_s >= self.source.duration_s
+        if fresh.size:
+            self._age_s[fresh] = 0.0
+            self._reset(fresh)
+        segments = np.flatnonzero(over & ~done)
+        if segments.size:
+            self._draw(segments)
+        if fresh.size:
+            self._observe(only=fresh)
+        return StepResult(reward, done, ended, *last, state, mask, segment_s)
+
+    def _reset(self, ids: np.ndarray) -> None:
+        self.robot.reset(ids)
+        self.teacher.reset(ids)
+        self.memory.reset(ids)
+        self.estimator.reset(ids)
+        self._action[ids] = 0.0
+        self._phase[ids] = 0.0
+        self._hand_force[ids] = 0.0
+        heading = self.robot.rotation_heading_to_world[ids]
+        orientation = quaternions_from_rotations(heading.transpose(0, 2, 1) @ self.robot.hand_rotation[ids])
+        self.references.reset(ids, self._measured_hand()[ids], orientation)
+        self._draw(ids)
+
+    def _draw(self, ids: np.ndarray) -> None:
+        self.source.draw(ids, self._measured_hand()[ids])
+        self.surroundings.draw(ids)
+
+    def _measured_hand(self) -> np.ndarray:
+        """Hand (n, 3) in heading, as kinematics give it: height above the wheels' contact points."""
+        robot = self.robot
+        hand = rotate_back(robot.rotation_heading_to_world, robot.hand_position - robot.base_position)
+        hand[:, 2] += self._base_height()
+        return hand
+
+    def _base_height(self) -> np.ndarray:
+        heights = np.sort(self.robot.base_position[:, 2:] - self.robot.contact_positions[:, :, 2], axis=1)
+        return 0.5 * (heights[:, 1] + heights[:, 2])
+
+    def _advance_references(self) -> None:
+        robot, noise = self.robot, self.config.noise
+        forward = rotate_back(robot.rotation_heading_to_world, robot.base_linear_velocity)
+        self.estimator.step(self._hand_force, np.stack([forward[:, 0], robot.base_angular_velocity[:, 2]], axis=1))
+        self._hand = self._measured_hand() + self._noise(noise.hand_position_m, 3)
+        self.source.advance(self._hand, self.estimator.force, CONTROL_PERIOD_S)
+        self.references.step(self.source.commands, self._hand, self.estimator.force, CONTROL_PERIOD_S)
+
+    def _observe(self, only: np.ndarray | None = None) -> None:
+        """Sense and assemble. With `only`, robots that have just started are seen; the memory of the others stands still."""
+        robot, noise, references = self.robot, self.config.noise, self.references
+        if only is not None:
+            self._hand[only] = self._measured_hand()[only]
+        rotation, heading = robot.rotation_base_to_world, robot.rotation_heading_to_world
+        target = heading @ rotations_from_quaternions(references.orientation)
+        velocity = rotate_back(heading, robot.rolling_velocity) + self._noise(noise.rolling_velocity_mps, 3)
+        self.signals = TaskSignals(
+            angular_velocity=robot.angular_velocity_in_base + self._noise(noise.angular_velocity_rps, 3),
+            gravity=-rotation[:, 2] + self._noise(noise.gravity, 3),
+            base_linear_velocity=velocity,
+            base_height=self._base_height()[:, None] + self._noise(noise.hand_position_m, 1),
+            yaw_rate=robot.base_angular_velocity[:, 2:] + self._noise(noise.angular_velocity_rps, 1),
+            joint_position=robot.joint_position + self._noise(noise.joint_position_rad, JOINT_COUNT),
+            joint_velocity=robot.joint_velocity + self._noise(noise.joint_velocity_rps, JOINT_COUNT),
+            joint_torque=robot.joint_torque + self._noise(noise.joint_torque_nm, JOINT_COUNT),
+            hand_position=self._hand,
+            orientation_error=rotate_back(heading, rotation_errors(target, robot.hand_rotation)),
+            force_estimate=self.estimator.force,
+            mask=references.mask,
+            force=references.force,
+            position=references.position,
+            orientation=references.orientation,
+            base_velocity=references.base_velocity,
+        )
+        if only is None:
+            self.memory.step(self.signals)
+        self.observation = self.form.assemble(self.signals, self.memory, self._action, self._phase)
+        self.privileged = self._privileged()
+
+    def _privileged(self) -> np.ndarray:
+        """(n, 22) truth for the critic alone."""
+        robot, references = self.robot, self.references
+        heading = robot.rotation_heading_to_world
+        hand = self._true_hand()
+        force_error = references.mask * (self._hand_force - references.force)
+        arm = rotate_back(heading, robot.hand_velocity_from_arm)
+        parts = [
+            2.0 * rotate_back(heading, robot.base_linear_velocity),
+            10.0 * (robot.base_position[:, 2:] - NOMINAL_BASE_HEIGHT_M),
+            4.0 * (references.position - hand),
+            self.signals.orientation_error,
+            0.1 * self._hand_force,
+            0.2 * force_error,
+            arm,
+            self.surroundings.stiffness_of_force_axes() * 0.002,
+        ]
+        return np.clip(np.concatenate(parts, axis=1), -8.0, 8.0).astype(np.float32)
+
+    def _judge(self, action_change: np.ndarray) -> RewardInput:
+        robot, references = self.robot, self.references
+        heading = robot.rotation_heading_to_world
+        velocity = rotate_back(heading, robot.base_linear_velocity)
+        target = heading @ rotations_from_quaternions(references.orientation)
+        gravity = -robot.rotation_base_to_world[:, 2]
+        height = robot.base_position[:, 2]
+        return RewardInput(
+            velocity_error=velocity[:, :2] - references.base_velocity[:, :2],
+            yaw_error=robot.base_angular_velocity[:, 2] - references.base_velocity[:, 2],
+            heave=velocity[:, 2],
+            height=height,
+            rocking=robot.angular_velocity_in_base[:, :2],
+            gravity_xy=gravity[:, :2],
+            position_error=(1.0 - references.mask) * (self._true_hand() - references.position),
+            orientation_error=rotation_errors(target, robot.hand_rotation),
+            force_error=references.mask * (self._hand_force - references.force),
+            joint_position=robot.joint_position,
+            joint_velocity=robot.joint_velocity,
+            joint_torque=robot.joint_torque,
+            action_change=action_change,
+            # Written so that a state that is not a number counts as fallen.
+            fallen=~((gravity[:, 2] <= self.config.fallen_gravity_z) & (height >= self.config.fallen_height_m)),
+        )
+
+    def _true_hand(self) -> np.ndarray:
+        robot = self.robot
+        return rotate_back(robot.rotation_heading_to_world, robot.hand_position - robot.base_position * [1.0, 1.0, 0.0])
+
+    def _noise(self, deviation: float, size: int) -> np.ndarray:
+        return deviation * self._random.standard_normal((self.config.count, size))

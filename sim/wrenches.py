@@ -1,0 +1,298 @@
+"""External wrenches on the simulated bodies: additive sources, each with its own life time.
+
+Every tick all sources are evaluated at the state of the tick and summed into xfrc_applied, which MuJoCo takes at the
+body's centre of mass, so the moment of the application point is added here. Forces act on the robot (environment -> robot).
+"""
+
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import mujoco
+import numpy as np
+
+from control.frames import rotation_heading_to_world
+
+FRAMES = ("world", "heading", "body")
+MAX_SOURCES = 64
+
+
+@dataclass(frozen=True, slots=True)
+class BodyState:
+    """What a source may depend on. Vectors in world.
+
+    Attributes:
+        time_s, period_s: start and length of the tick that the wrench acts through.
+        point: (3,) m, application point.
+        velocity: (3,) m/s, of the body's material point there.
+        rotation_body_to_world, rotation_heading_to_world: (3, 3).
+        heading_origin: (3,) m, origin of the heading frame (on the ground below the base).
+    """
+
+    time_s: float
+    period_s: float
+    point: np.ndarray
+    velocity: np.ndarray
+    rotation_body_to_world: np.ndarray
+    rotation_heading_to_world: np.ndarray
+    heading_origin: np.ndarray
+
+
+class WrenchSource(Protocol):
+    """One contribution. `body` names the body, `point_m` (3,) the application point in that body's frame."""
+
+    @property
+    def body(self) -> str: ...
+
+    @property
+    def point_m(self) -> np.ndarray: ...
+
+    @property
+    def duration_s(self) -> float:
+        """Life time from the tick it was added; may be inf."""
+        ...
+
+    def wrench(self, state: BodyState, age_s: float) -> tuple[np.ndarray, np.ndarray]:
+        """Mean force (3,) N and moment (3,) N m about the point over the tick that starts at `age_s`, both in world."""
+        ...
+
+
+def _vector(name: str, value: object) -> np.ndarray:
+    array = np.array(value, dtype=float)
+    if array.shape != (3,) or not np.isfinite(array).all():
+        raise ValueError(f"{name} must be three finite numbers, not {value}")
+    array.setflags(write=False)
+    return array
+
+
+def _zero() -> np.ndarray:
+    return np.zeros(3)
+
+
+@dataclass(frozen=True)
+class Pulse:
+    """A scripted wrench: rises linearly over `ramp_s`, holds, and falls over `ramp_s`, all within `duration_s`.
+
+    Its impulse is force * (duration_s - ramp_s), exactly: each tick gets the mean of the profile over that tick, so neither
+    a duration between two ticks nor a short ramp loses any of it.
+
+    Raises:
+        ValueError: a vector is not three finite numbers, the frame is unknown, or the times do not fit.
+    """
+
+    force_n: np.ndarray
+    duration_s: float
+    torque_nm: np.ndarray = field(default_factory=_zero)
+    point_m: np.ndarray = field(default_factory=_zero)
+    body: str = "end_effector"
+    frame: str = "heading"
+    ramp_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("force_n", "torque_nm", "point_m"):
+            object.__setattr__(self, name, _vector(name, getattr(self, name)))
+        if self.frame not in FRAMES:
+            raise ValueError(f"frame is {self.frame!r}; the frames are {', '.join(FRAMES)}")
+        if not self.duration_s > 0:
+            raise ValueError(f"duration_s is {self.duration_s}; it must be positive")
+        if not 0 <= self.ramp_s <= 0.5 * self.duration_s:
+            raise ValueError(f"ramp_s is {self.ramp_s}; the range is 0 to half of duration_s ({0.5 * self.duration_s})")
+
+    def integral(self, age_s: float) -> float:
+        """Integral of the profile (0 to 1) from its start to `age_s`, s."""
+        ramp, duration = self.ramp_s, self.duration_s
+        age = min(max(age_s, 0.0), duration)
+        rising = min(age, ramp)
+        falling = max(age - (duration - ramp), 0.0)
+        area = age - rising
+        if ramp > 0:
+            area += 0.5 * rising * rising / ramp - 0.5 * falling * falling / ramp
+        return area
+
+    def wrench(self, state: BodyState, age_s: float) -> tuple[np.ndarray, np.ndarray]:
+        """See WrenchSource."""
+        level = (self.integral(age_s + state.period_s) - self.integral(age_s)) / state.period_s
+        if self.frame == "world":
+            return level * self.force_n, level * self.torque_nm
+        rotation = state.rotation_heading_to_world if self.frame == "heading" else state.rotation_body_to_world
+        return level * (rotation @ self.force_n), level * (rotation @ self.torque_nm)
+
+
+@dataclass(frozen=True)
+class Spring:
+    """Virtual spring-damper of the paper (eq. virtual_pd_force): f = Kp (x_d - x) - Kd v, per axis of the anchor's frame.
+
+    With `frame` "world" the anchor is a fixed point; with "heading" it rides with the robot, and v is still the velocity in
+    world, as in the paper. `limit_n` caps the length of the force: the operator's hand on the drag handle.
+
+    Attributes:
+        anchor_m: (3,) x_d in `frame`.
+        stiffness, damping: (3,) N/m and N s/m, or one number for all axes.
+    """
+
+    anchor_m: np.ndarray
+    stiffness: np.ndarray | float
+    damping: np.ndarray | float
+    body: str = "end_effector"
+    point_m: np.ndarray = field(default_factory=_zero)
+    frame: str = "world"
+    duration_s: float = np.inf
+    limit_n: float = np.inf
+
+    def __post_init__(self) -> None:
+        for name in ("stiffness", "damping"):
+            value = getattr(self, name)
+            gains = _vector(name, value if np.ndim(value) else [value] * 3)
+            if (gains < 0).any():
+                raise ValueError(f"{name} is {value}; it must not be negative")
+            object.__setattr__(self, name, gains)
+        for name in ("anchor_m", "point_m"):
+            object.__setattr__(self, name, _vector(name, getattr(self, name)))
+        if self.frame not in ("world", "heading"):
+            raise ValueError(f"frame is {self.frame!r}; the anchor is fixed in 'world' or rides in 'heading'")
+        for name in ("duration_s", "limit_n"):
+            if not getattr(self, name) > 0:
+                raise ValueError(f"{name} is {getattr(self, name)}; it must be positive")
+
+    def wrench(self, state: BodyState, age_s: float) -> tuple[np.ndarray, np.ndarray]:
+        """See WrenchSource."""
+        if self.frame == "world":
+            force = self.stiffness * (self.anchor_m - state.point) - self.damping * state.velocity
+        else:
+            rotation = state.rotation_heading_to_world
+            error = self.anchor_m - (state.point - state.heading_origin) @ rotation
+            force = rotation @ (self.stiffness * error - self.damping * (state.velocity @ rotation))
+        length = float(np.sqrt(force @ force))
+        if length > self.limit_n:
+            force *= self.limit_n / length
+        return force, np.zeros(3)
+
+
+@dataclass(frozen=True)
+class ActiveWrench:
+    """A source at work: its id, and the simulated time left (inf for an endless one)."""
+
+    id: int
+    source: WrenchSource
+    remaining_s: float
+
+
+@dataclass
+class _Entry:
+    source: WrenchSource
+    body: int
+    start_s: float
+
+
+class WrenchSources:
+    """All wrenches that act on one simulated world."""
+
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        self._model = model
+        self._data = data
+        self._base = model.body("base").id
+        self._entries: dict[int, _Entry] = {}
+        self._next_id = 1
+        self._drag: Spring | None = None
+        self._drag_entry: _Entry | None = None
+        self._velocity = np.zeros(6)
+        self.drag_force_in_world = np.zeros(3)
+        """(3,) N, of the drag spring over the last tick."""
+
+    def add(self, source: WrenchSource) -> int:
+        """Start `source` with the next tick; the id names it in `remove`.
+
+        Raises:
+            ValueError: its body is not in the scene (the message lists them), or MAX_SOURCES act already.
+        """
+        body = self._body_id(source.body)
+        if len(self._entries) >= MAX_SOURCES:
+            raise ValueError(f"{MAX_SOURCES} wrenches act already; remove one or wait until one expires")
+        key = self._next_id
+        self._next_id += 1
+        self._entries[key] = _Entry(source, body, self._data.time)
+        return key
+
+    def remove(self, key: int) -> None:
+        """End one source now. Raises KeyError when it is not at work (never was, expired or removed)."""
+        if key not in self._entries:
+            raise KeyError(f"wrench {key} is not at work; these are: {sorted(self._entries)}")
+        del self._entries[key]
+
+    @property
+    def drag(self) -> Spring | None:
+        """The operator's drag spring, if it pulls."""
+        return self._drag
+
+    def set_drag(self, spring: Spring | None) -> None:
+        """The operator's drag spring, apart from the listed sources: it lives until it is set to None."""
+        self._drag = spring
+        self._drag_entry = None if spring is None else _Entry(spring, self._body_id(spring.body), self._data.time)
+        if spring is None:
+            self.drag_force_in_world[:] = 0.0
+
+    def clear(self) -> None:
+        """End all sources and the drag (a reset sets the simulated time back)."""
+        self._entries.clear()
+        self.set_drag(None)
+
+    def list(self) -> tuple[ActiveWrench, ...]:
+        """What acts now, oldest first."""
+        now = self._data.time
+        return tuple(
+            ActiveWrench(key, entry.source, entry.source.duration_s - (now - entry.start_s))
+            for key, entry in self._entries.items()
+        )
+
+    def apply(self) -> None:
+        """Write the sum of all sources into xfrc_applied for the tick that starts now; expired ones end.
+
+        The kinematics of `data` must be those of the current state.
+        """
+        data = self._data
+        data.xfrc_applied[:] = 0.0
+        if self._drag_entry is not None:
+            self.drag_force_in_world[:] = self._apply(self._drag_entry)
+        expired = [key for key, entry in self._entries.items() if data.time - entry.start_s >= entry.source.duration_s]
+        for key in expired:
+            del self._entries[key]
+        for entry in self._entries.values():
+            self._apply(entry)
+
+    def _apply(self, entry: _Entry) -> np.ndarray:
+        state = self._state(entry)
+        force, moment = entry.source.wrench(state, self._data.time - entry.start_s)
+        x, y, z = state.point - self._data.xipos[entry.body]
+        applied = self._data.xfrc_applied[entry.body]
+        applied[:3] += force
+        applied[3:] += moment
+        applied[3] += y * force[2] - z * force[1]
+        applied[4] += z * force[0] - x * force[2]
+        applied[5] += x * force[1] - y * force[0]
+        return force
+
+    def _body_id(self, name: str) -> int:
+        bodies = [self._model.body(i).name for i in range(1, self._model.nbody)]
+        if name not in bodies:
+            raise ValueError(f"body {name!r} is not in the scene; it has {', '.join(bodies)}")
+        return self._model.body(name).id
+
+    def _state(self, entry: _Entry) -> BodyState:
+        data, body = self._data, entry.body
+        rotation = data.xmat[body].reshape(3, 3)
+        offset = rotation @ entry.source.point_m
+        # Angular and linear velocity in world axes, of the body frame's origin.
+        mujoco.mj_objectVelocity(self._model, data, mujoco.mjtObj.mjOBJ_XBODY, body, self._velocity, 0)
+        wx, wy, wz = self._velocity[:3]
+        x, y, z = offset
+        velocity = self._velocity[3:] + np.array([wy * z - wz * y, wz * x - wx * z, wx * y - wy * x])
+        origin = data.xpos[self._base].copy()
+        origin[2] = 0.0
+        return BodyState(
+            time_s=data.time,
+            period_s=self._model.opt.timestep,
+            point=data.xpos[body] + offset,
+            velocity=velocity,
+            rotation_body_to_world=rotation,
+            rotation_heading_to_world=rotation_heading_to_world(data.xmat[self._base].reshape(3, 3)),
+            heading_origin=origin,
+        )

@@ -1,0 +1,109 @@
+"""The driver's stack and the emulated robot in one thread, in lockstep, over the same bytes as on the network."""
+
+import socket
+from collections.abc import Callable
+
+from control.robot_model import RobotModel
+from control.types import JointCommand
+from sim.backends.hardware.config import HardwareConfig
+from sim.backends.hardware.limits import HardwareLimits
+from sim.backends.hardware.motions import MotionConfig
+from sim.backends.hardware.robot import Robot
+from sim.backends.hardware.states import DriveState, Request
+from sim.backends.hardware.supervisor import ControlInput, Supervisor
+from sim.backends.unitree.messages import LowCommand
+from sim.backends.unitree.motors import used_slots
+from sim.backends.z1.driver import Z1Config
+from sim.emulator.arm_controller import ArmPorts
+from sim.emulator.emulator import Emulator, EmulatorConfig
+from sim.emulator.memory_link import MemoryBaseLink, MemoryRobotLink, MemoryWire
+
+BRISK = MotionConfig(fold_s=0.4, rise_s=1.3, sit_s=1.5, fade_s=0.2, blend_s=0.2)
+
+
+def free_udp_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+class Rig:
+    """Emulator, drivers and supervisor, with a short self-test and brisk motions. Time is the emulator's."""
+
+    def __init__(self, *, dry_run: bool = False, mode: str = "", seed: int = 0) -> None:
+        self.wire = MemoryWire()
+        ports = ArmPorts(free_udp_port(), free_udp_port())
+        self.emulator = Emulator(EmulatorConfig(mode=mode, arm=ports, seed=seed), MemoryRobotLink(self.wire))
+        arm = Z1Config("127.0.0.1", ports.command_port, ports.state_port, gain_ramp_s=0.3)
+        limits = HardwareLimits(self_test_s=0.2, release_timeout_s=5.0)
+        self.config = HardwareConfig(arm=arm, limits=limits, motion=BRISK, dry_run=dry_run)
+        self.robot = Robot(MemoryBaseLink(self.wire), self.config.arm, self.config.limits, dry_run)
+        model = RobotModel()
+        self.supervisor = Supervisor(self.config, self.robot, model.position_lower, model.position_upper)
+        self.command: JointCommand | None = None
+        self.command_age_s = 0.0
+        self.silent_s = 0.0
+        self.operator_silent_s = 0.0
+        self.request = Request.NONE
+        self.sequence = 0
+
+    @property
+    def now(self) -> float:
+        return 100.0 + self.emulator.body.time_s
+
+    @property
+    def state(self) -> DriveState:
+        return self.supervisor.state
+
+    def tick(self) -> None:
+        self.emulator.step()
+        fresh = self.robot.poll(self.now)
+        control = ControlInput(
+            self.command, self.command_age_s, self.silent_s, self.operator_silent_s, self.request, self.sequence
+        )
+        self.supervisor.step(self.now, fresh, control)
+
+    def run(self, seconds: float, until: Callable[[], bool] = lambda: False) -> int:
+        """Ticks until `until()` or the time is over; returns the number of ticks."""
+        for tick in range(round(seconds / 0.002)):
+            self.tick()
+            if until():
+                return tick + 1
+        return round(seconds / 0.002)
+
+    def ask(self, request: Request, seconds: float = 10.0, until: DriveState | None = None) -> None:
+        self.request, self.sequence = request, self.sequence + 1
+        self.run(seconds, lambda: until is not None and self.state in (until, DriveState.FAULT))
+        if until is not None:
+            assert self.state == until, (self.supervisor.message, self.supervisor.faults)
+
+    def engage(self) -> None:
+        self.run(0.05)
+        self.ask(Request.ENGAGE, until=DriveState.DAMPED)
+
+    def stand(self) -> None:
+        self.ask(Request.STAND, until=DriveState.READY)
+
+    def start_standing(self) -> None:
+        """Put robot and supervisor into the held stance at once; test_drive_states walks the way there."""
+        self.emulator.body.backend.reset()
+        self.run(0.01)
+        assert self.state == DriveState.OBSERVE
+        self.supervisor._owns_motors = True
+        self.supervisor._enter(DriveState.READY, self.now)
+        self.run(0.4)
+        assert self.state == DriveState.READY, self.supervisor.message
+
+    @property
+    def last_command(self) -> LowCommand:
+        """Newest frame on the wire."""
+        return LowCommand.decode(self.wire.log[-1])
+
+    def damps(self) -> bool:
+        """Whether the newest frame on the wire is pure damping."""
+        motor = self.last_command.motor
+        return not motor["kp"].any() and not motor["tau"].any() and bool((used_slots(motor["kd"]) > 0.0).all())
+
+    def close(self) -> None:
+        self.robot.close()
+        self.emulator.close()

@@ -1,0 +1,144 @@
+"""The whole stack on the emulated robot, unchanged: sensors over the wire, estimator, controller, drives over the wire."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hardware_rig import Rig
+
+from control.command import DEFAULT_COMMAND
+from control.types import Command, JointCommand
+from sim.backends.hardware.io_loop import IoLoop
+from sim.backends.hardware.records import IoMemory
+from sim.backends.hardware.states import DriveState
+from sim.backends.hardware_backend import HardwareBackend
+from sim.hardware_session import HardwareSession
+from sim.session import SessionError
+from sim.snapshot import SNAPSHOT, Mode
+
+
+class LockstepBackend(HardwareBackend):
+    """HardwareBackend whose I/O process and robot advance by one tick with every write."""
+
+    def __init__(self, rig: Rig, path: Path) -> None:
+        super().__init__(rig.config, clock=lambda: rig.now)
+        self._rig = rig
+        self._path = path
+
+    def open(self) -> None:
+        memory = IoMemory(self._path, create=True)
+        self._loop = IoLoop(self._rig.config, self._rig.robot, self._rig.supervisor, memory)
+        self._memory = memory
+        while self._frame is None:
+            self.advance()
+            self._refresh()
+
+    def write(self, command: JointCommand) -> None:
+        super().write(command)
+        self.advance()
+
+    def advance(self) -> None:
+        self._rig.emulator.step()
+        self._loop.tick(self._rig.now)
+
+
+class Bench:
+    def __init__(self, rig: Rig, path: Path) -> None:
+        self.rig = rig
+        self.backend = LockstepBackend(rig, path)
+        self.session = HardwareSession(backend=self.backend)
+
+    def run(self, ticks: int, command: Command = DEFAULT_COMMAND, age_s: float = 0.0) -> None:
+        for _ in range(ticks):
+            self.session.tick(command, age_s)
+
+    def drive(self, request: str, goal: DriveState) -> None:
+        self.session.drive(request)
+        for _ in range(2000):
+            self.session.tick(DEFAULT_COMMAND)
+            if self.session.hardware.state == goal:
+                return
+        raise AssertionError(self.session.hardware_status()["message"])
+
+
+@pytest.fixture
+def bench(rig: Rig, tmp_path: Path) -> Bench:
+    return Bench(rig, tmp_path / "memory")
+
+
+@pytest.fixture
+def standing(bench: Bench) -> Bench:
+    bench.rig.start_standing()
+    bench.drive("start", DriveState.POLICY)
+    bench.run(200)
+    return bench
+
+
+def test_guidance_works_on_the_emulated_robot(standing: Bench) -> None:
+    robot = standing.rig.emulator.body.backend
+    guided = Command(
+        DEFAULT_COMMAND.mask,
+        DEFAULT_COMMAND.force_n,
+        DEFAULT_COMMAND.position_m,
+        DEFAULT_COMMAND.orientation_wxyz,
+        DEFAULT_COMMAND.base_velocity,
+        guidance=True,
+    )
+    start = robot.truth().base_position[0]
+    for _ in range(60):
+        robot.set_drag(robot.truth().end_effector_position + [0.1, 0.0, 0.0])
+        standing.run(10, guided)
+    assert robot.truth().base_position[0] - start > 0.1  # it follows the hand
+    snapshot = np.zeros(1, SNAPSHOT)
+    standing.session.fill(snapshot[0])
+    record = snapshot[0]
+    assert record["backend"] == b"hardware" and record["mode"] == Mode.RUNNING
+    np.testing.assert_allclose(record["force_estimated"], robot.truth().end_effector_force, atol=3.0)
+    for name in ("force_true", "wheel_force_true", "mass_scale_true", "drag_force", "force_errors_rms"):
+        assert np.isnan(record[name]).all(), name  # unavailable, never zero
+    status = standing.session.hardware_status()
+    assert status["state"] == "policy" and len(status["motors"]) == 22 and status["states_missed"] == 0
+    assert all(30.0 < motor["temperature_c"] < 60.0 for motor in status["motors"])
+
+
+def test_estop_latches_on_both_sides_and_clearing_needs_rest(standing: Bench) -> None:
+    standing.session.estop()
+    standing.run(2)
+    assert standing.session.mode == Mode.ESTOP and standing.session.hardware.state == DriveState.FAULT
+    assert standing.rig.damps() and standing.session.hardware_status()["faults"] == ("e-stop",)
+    standing.session.clear_estop()
+    standing.run(2)
+    assert standing.session.mode == Mode.FAULT  # still falling
+    for _ in range(4000):
+        standing.backend.advance()
+        if standing.rig.supervisor.at_rest:
+            break
+    standing.session.clear_estop()
+    standing.run(2)
+    assert standing.session.mode == Mode.RUNNING and standing.session.hardware.state == DriveState.DAMPED
+
+
+def test_a_silent_page_damps(standing: Bench) -> None:
+    standing.run(2, age_s=0.9)
+    assert standing.session.hardware.state == DriveState.POLICY
+    standing.run(2, age_s=1.1)
+    assert standing.session.mode == Mode.FAULT and standing.rig.damps()
+
+
+def test_a_page_can_walk_the_robot_through_its_states(bench: Bench) -> None:
+    bench.drive("engage", DriveState.DAMPED)
+    bench.drive("release", DriveState.OBSERVE)
+    bench.session.drive("stand")
+    bench.run(2)
+    assert "stand up from DAMPED" in bench.session.hardware_status()["message"]
+
+
+def test_what_only_a_simulation_can_do_is_refused(bench: Bench) -> None:
+    for call in (bench.session.reset, bench.session.add_wrench):
+        with pytest.raises(SessionError, match="simulation only"):
+            call()
+    with pytest.raises(SessionError, match="simulation only"):
+        bench.session.set_scene("free")
+    with pytest.raises(ValueError, match="engage, stand, start"):
+        bench.session.drive("jump")
+    assert bench.session.truth() is None and bench.session.list_wrenches() == ()

@@ -1,0 +1,101 @@
+"""Shared memory between control and I/O process, and the single-writer lock."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hardware_rig import Rig
+
+from sim.backends.hardware.config import HardwareConfig
+from sim.backends.hardware.io_loop import IoLoop
+from sim.backends.hardware.limits import HardwareLimits
+from sim.backends.hardware.records import IO_COMMAND, IO_STATE, IoMemory, lock_path, memory_path
+from sim.backends.hardware.states import DriveState, Request, Trip
+from sim.backends.hardware.writer_lock import WriterLock
+from sim.backends.protocol import BackendError
+from sim.backends.unitree.dds import DdsConfig, RobotNetworkError
+from sim.backends.z1.driver import Z1Config
+
+ROOT = Path(__file__).resolve().parents[3]
+
+
+def test_a_record_arrives_whole_or_not_at_all(tmp_path: Path) -> None:
+    writer, reader = IoMemory(tmp_path / "memory", create=True), IoMemory(tmp_path / "memory")
+    assert reader.state.read() is None
+    record = np.zeros(1, IO_STATE)
+    record["sequence"], record["message"] = 7, b"seven"
+    writer.state.write(record)
+    seen = reader.state.read()
+    assert seen is not None and seen["sequence"][0] == 7 and seen["message"][0] == b"seven"
+    writer.state._header[0]["counter"] += 1  # a writer killed half-way
+    assert reader.state.read() is None
+    writer.state.write(record)
+    assert reader.state.read() is not None
+    writer.state._body[3] ^= 1  # a torn copy
+    assert reader.state.read() is None
+
+
+def test_memory_of_another_version_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "memory").write_bytes(b"old")
+    with pytest.raises(BackendError, match="another version"):
+        IoMemory(tmp_path / "memory")
+    with pytest.raises(BackendError, match="open the hardware backend first"):
+        IoMemory(tmp_path / "missing")
+
+
+def test_a_missed_record_repeats_no_request(rig: Rig, tmp_path: Path) -> None:
+    memory = IoMemory(tmp_path / "memory", create=True)
+    loop = IoLoop(rig.config, rig.robot, rig.supervisor, memory)
+    record = np.zeros(1, IO_COMMAND)
+    record["request"], record["request_sequence"], record["alive_s"] = Request.ENGAGE, 1, rig.now
+    memory.command.write(record)
+    for tick in range(20):
+        rig.emulator.step()
+        if tick % 2:
+            memory.command._header[0]["counter"] |= 1  # caught writing
+        else:
+            memory.command.write(record)
+        loop.tick(rig.now)
+    assert rig.supervisor.engaging and rig.supervisor.message == ""
+
+
+def test_the_estop_byte_is_taken_once(rig: Rig, tmp_path: Path) -> None:
+    memory, anybody = IoMemory(tmp_path / "memory", create=True), IoMemory(tmp_path / "memory")
+    loop = IoLoop(rig.config, rig.robot, rig.supervisor, memory)
+    rig.emulator.step()
+    loop.tick(rig.now)
+    anybody.estop = True
+    loop.tick(rig.now)
+    state = anybody.state.read()
+    assert state is not None and state["state"][0] == DriveState.FAULT and state["faults"][0] == Trip.ESTOP
+    assert not anybody.estop and rig.wire.log == []  # not ours yet, so nothing is sent even now
+
+
+def test_the_lock_is_exclusive_and_dies_with_its_holder(tmp_path: Path) -> None:
+    path = tmp_path / "lock"
+    code = "from pathlib import Path; from sim.backends.hardware.writer_lock import WriterLock; import sys, time\n"
+    code += f"lock = WriterLock(Path({str(path)!r})); sys.stdout.write('held'); sys.stdout.flush(); time.sleep(60)"
+    with subprocess.Popen([sys.executable, "-c", code], cwd=ROOT, stdout=subprocess.PIPE) as holder:
+        assert holder.stdout is not None and holder.stdout.read(4) == b"held"
+        with pytest.raises(BackendError, match=f"process {holder.pid} already commands"):
+            WriterLock(path)
+        holder.kill()
+    WriterLock(path).close()
+
+
+def test_configuration_survives_the_command_line() -> None:
+    config = HardwareConfig(
+        DdsConfig(0, "eth1", allow_robot=True), Z1Config("192.168.123.220"), HardwareLimits(tilt_damp_rad=0.9), dry_run=False
+    )
+    assert HardwareConfig.from_json(config.to_json()) == config
+    assert memory_path(config) != memory_path(HardwareConfig()) and lock_path(config) != lock_path(HardwareConfig())
+    assert str(os.getuid()) in memory_path(config).name
+
+
+def test_a_dry_run_is_the_default_and_a_remote_arm_needs_consent() -> None:
+    assert HardwareConfig().dry_run
+    with pytest.raises(RobotNetworkError, match="arm"):
+        HardwareConfig(arm=Z1Config("192.168.123.220"))

@@ -1,0 +1,74 @@
+"""A training run in miniature: it learns, is cut off and continues, keeps its best checkpoint and exports what loads."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import torch
+
+from control.learning.dagger import DaggerConfig
+from control.learning.ppo import PpoConfig
+from control.policy_weights import load_policy
+from sim import policy_training
+from sim.policy_score import Score
+from sim.policy_training import PolicyTraining, PolicyTrainingConfig, RunError
+
+TINY = PolicyTrainingConfig(
+    count=8,
+    imitation_steps=20,
+    ppo_iterations=2,
+    score_every=1,
+    bfloat16=False,
+    dagger=DaggerConfig(teacher_steps=5, batch=32, updates=1),
+    ppo=PpoConfig(horizon=2, epochs=1, minibatches=1, critic_only=1),
+)
+
+
+@pytest.fixture
+def scores(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[str]]:
+    """Scores 3, 1, 2, ... for successive checkpoints, 1.5 for the model-based controller; lists what was scored."""
+    asked: list[str] = []
+    totals = iter([3.0, 1.0, 2.0, 4.0])
+
+    def score(name: str, make: object, seed: int, minutes: float) -> Score:
+        asked.append(name)
+        return Score(1.5 if name == "model_based" else next(totals), {"yaw_rps": 0.1}, 0)
+
+    monkeypatch.setattr(policy_training, "score_controller", score)
+    yield asked
+    torch.set_num_threads(1)
+
+
+def test_run_keeps_and_exports_its_best_checkpoint(tmp_path: Path, scores: list[str]):
+    training = PolicyTraining(tmp_path / "run", TINY)
+    training.fit()
+    assert scores.count("policy") == 3
+    manifest = training.export(tmp_path / "out", "command")
+    assert manifest.metrics["score"]["total"] == 1.0
+    assert manifest.meets_score
+    loaded, _ = load_policy("policy", tmp_path / "out")
+    assert loaded.training["steps"] == (20 + 2) * 8
+    assert (tmp_path / "run" / "curves.png").is_file()
+
+
+def test_run_continues_where_it_was_cut_off(tmp_path: Path, scores: list[str]):
+    first = PolicyTraining(tmp_path, replace(TINY, ppo_iterations=1))
+    first.fit()
+    second = PolicyTraining(tmp_path, TINY)
+    assert (second.imitated, second.learner.iteration, second.steps) == (True, 1, first.steps)
+    second.fit()
+    assert second.learner.iteration == 2
+    assert len(second.history["score"]) == 3
+
+
+def test_checkpoint_of_another_training_is_refused(tmp_path: Path, scores: list[str]):
+    PolicyTraining(tmp_path, replace(TINY, ppo_iterations=0)).fit()
+    with pytest.raises(RunError, match="another training"):
+        PolicyTraining(tmp_path, replace(TINY, seed=5))
+
+
+def test_a_policy_below_the_reference_does_not_meet_the_score(tmp_path: Path, scores: list[str]):
+    training = PolicyTraining(tmp_path / "run", replace(TINY, ppo_iterations=0))
+    training.fit()
+    assert not training.export(tmp_path / "out", "command").meets_score

@@ -1,0 +1,206 @@
+"""The batched environment against the single-robot code it stands for, and the laws of its surroundings and rewards."""
+
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+
+from control.arm_control import ArmConfig
+from control.command import CommandFilter, CommandLimits, HandState
+from control.controller import CONTROL_PERIOD_S, ControllerInput
+from control.frames import quaternion_from_rotation, rotation_from_quaternion
+from control.model_based import ModelBasedController
+from control.observation import task_signals
+from control.robot_model import RobotModel
+from control.task_memory import TaskSignals
+from control.types import BaseState, Command, SensorFrame
+from sim.batch_rotations import quaternions_from_rotations
+from sim.estimator_surrogate import LowPass, SurrogateParameters
+from sim.training_commands import SLIDE, CommandRanges
+from sim.training_env import SensorNoise, TrainingEnv, TrainingEnvConfig
+from sim.training_references import BatchedReferences, Commands
+from sim.training_rewards import RewardScales, rewards
+from sim.training_robot import NO_RANDOMIZATION, TIMESTEP_S
+from sim.training_surroundings import HAND_INERTIA_KG
+
+SURROGATE = SurrogateParameters(6.0, 0.67, 0.0, (0.0,) * 3, (0.0,) * 3, ((0.0,) * 4,) * 3, (0.0,) * 3, 0.9)
+SILENT = SensorNoise(**{field.name: 0.0 for field in fields(SensorNoise)})
+
+
+@pytest.fixture(scope="module")
+def model() -> RobotModel:
+    return RobotModel()
+
+
+def make_env(count: int = 8, **changes: object) -> TrainingEnv:
+    config = TrainingEnvConfig(
+        count=count,
+        commands=CommandRanges(hands=40),
+        randomization=NO_RANDOMIZATION,
+        noise=SILENT,
+        surrogate=SURROGATE,
+    )
+    env = TrainingEnv(replace(config, **changes))
+    env._age_s[:] = 0.0
+    return env
+
+
+def single_input(env: TrainingEnv, index: int, model: RobotModel) -> ControllerInput:
+    """What the controller of robot `index` would get in the pipeline, with the batch's measurements."""
+    robot, signals, references = env.robot, env.signals, env.references
+    rotation = robot.rotation_base_to_world[index]
+    heading = robot.rotation_heading_to_world[index]
+    velocity = rotation.T @ heading @ signals.base_linear_velocity[index]
+    sensor = SensorFrame(
+        time_s=0.0,
+        orientation_wxyz=quaternion_from_rotation(rotation),
+        angular_velocity=signals.angular_velocity[index],
+        linear_acceleration=np.array([0.0, 0.0, 9.81]),
+        joint_position=signals.joint_position[index],
+        joint_velocity=signals.joint_velocity[index],
+        joint_torque=signals.joint_torque[index],
+    )
+    model.update(rotation, sensor.joint_position, velocity, sensor.angular_velocity, sensor.joint_velocity)
+    command = Command(
+        mask=references.mask[index],
+        force_n=references.force[index],
+        position_m=references.position[index],
+        orientation_wxyz=references.orientation[index],
+        base_velocity=references.base_velocity[index],
+    )
+    base = BaseState(rotation, velocity, sensor.angular_velocity, float(signals.base_height[index, 0]))
+    return ControllerInput(sensor, base, model, command, signals.force_estimate[index])
+
+
+def test_teacher_equals_the_model_based_controller(model: RobotModel):
+    env = make_env(count=8, teacher_arm=ArmConfig())
+    controllers = [ModelBasedController(model) for _ in range(8)]
+    largest = 0.0
+    for _ in range(60):
+        expected = np.array([c.step(single_input(env, i, model)) for i, c in enumerate(controllers)])
+        action = env.teacher_action()
+        targets = env._nominal + env.action_scale * action
+        largest = max(largest, float(np.abs(targets - expected).max()))
+        assert not env.step(action).done.any()
+    assert largest < 1e-6
+
+
+def test_batch_and_single_robot_share_the_observed_signals(model: RobotModel):
+    env = make_env(count=3)
+    for _ in range(20):
+        env.step(env.teacher_action())
+    for index in range(3):
+        single = task_signals(single_input(env, index, model))
+        for field in fields(TaskSignals):
+            batch = getattr(env.signals, field.name)[index]
+            assert np.allclose(getattr(single, field.name), batch, atol=1e-9), field.name
+
+
+def test_references_equal_the_command_filter():
+    random = np.random.default_rng(3)
+    limits, hand = CommandLimits(), np.array([0.55, 0.02, 0.5])
+    commands, batch, single = Commands(1), BatchedReferences(1, limits), CommandFilter(limits)
+    batch.reset(np.array([0]), hand[None], np.array([[1.0, 0.0, 0.0, 0.0]]))
+    for step in range(240):
+        if step % 60 == 0:
+            commands.mask = (random.random((1, 3)) < 0.4).astype(float)
+            commands.force = random.uniform(-20.0, 20.0, (1, 3))
+            commands.position = hand + random.uniform(-0.1, 0.1, (1, 3))
+            quaternion = random.standard_normal((1, 4))
+            commands.orientation = quaternion / np.linalg.norm(quaternion)
+            commands.base_velocity = random.uniform(-0.1, 0.1, (1, 3))
+        measured, force = hand + 0.01 * random.standard_normal(3), random.standard_normal(3)
+        asked = Command(
+            commands.mask[0], commands.force[0], commands.position[0], commands.orientation[0], commands.base_velocity[0]
+        )
+        applied = single.step(asked, HandState(measured, np.eye(3), force), CONTROL_PERIOD_S)
+        if step == 0:  # the filter starts at the first hand it sees
+            batch.reset(np.array([0]), measured[None], np.array([[1.0, 0.0, 0.0, 0.0]]))
+        batch.step(commands, measured[None], force[None], CONTROL_PERIOD_S)
+        for mine, theirs in (
+            (batch.mask, applied.mask),
+            (batch.force, applied.force_n),
+            (batch.position, applied.position_m),
+            (batch.base_velocity, applied.base_velocity),
+        ):
+            assert np.allclose(mine[0], theirs, atol=1e-9)
+        assert np.allclose(np.abs(batch.orientation[0] @ applied.orientation_wxyz), 1.0, atol=1e-9)
+
+
+def test_batched_quaternions_equal_the_single_ones():
+    random = np.random.default_rng(1)
+    quaternions = random.standard_normal((50, 4))
+    quaternions /= np.linalg.norm(quaternions, axis=1, keepdims=True)
+    rotations = np.array([rotation_from_quaternion(q) for q in quaternions])
+    expected = np.array([quaternion_from_rotation(rotation) for rotation in rotations])
+    assert np.allclose(quaternions_from_rotations(rotations), expected, atol=1e-9)
+
+
+def test_teacher_stands_drives_and_regulates_force_in_the_training_world():
+    env = make_env(count=64)
+    falls, force, velocity = 0, [], []
+    for _ in range(200):
+        result = env.step(env.teacher_action())
+        falls += int(result.state.fallen.sum())
+        late = result.segment_s > 1.0
+        force.append(result.state.force_error[late][result.mask[late] > 0.5])
+        velocity.append(result.state.velocity_error[late, 0])
+    assert falls <= 3
+    assert np.sqrt(np.mean(np.concatenate(force) ** 2)) < 5.0
+    assert np.sqrt(np.mean(np.concatenate(velocity) ** 2)) < 0.12
+
+
+def test_low_pass_matches_its_step_response():
+    w, z, dt = 4.5, 0.67, 0.02
+    low_pass = LowPass((1,), w, z, dt)
+    times = dt * np.arange(1, 101)
+    response = np.array([low_pass.step(np.ones(1))[0] for _ in times])
+    damped = w * np.sqrt(1 - z * z)
+    exact = 1 - np.exp(-z * w * times) * (np.cos(damped * times) + z * w / damped * np.sin(damped * times))
+    assert np.allclose(response, exact, atol=1e-9)
+
+
+def test_springs_start_relaxed_and_pull_back():
+    env = make_env(count=16)
+    env.source.time_s[:] = 0.0
+    env.robot.hand_velocity[:] = 0.0
+    env.surroundings._swing[:] = 0.0
+    env.surroundings._glide[:] = 0.0
+    start = env.surroundings.force()
+    env.robot.hand_position = env.robot.hand_position + [0.0, 0.0, 0.01]
+    pulled = env.surroundings.force()
+    assert np.abs(start[:, 2]).max() < 1e-6
+    stiffness, damping = env.surroundings._stiffness[:, 2], env.surroundings._damping[:, 2]
+    # Taken implicitly over one step for the least inertia of the hand.
+    softened = stiffness / (1.0 + TIMESTEP_S / HAND_INERTIA_KG * (damping + TIMESTEP_S * stiffness))
+    assert np.allclose((pulled - start)[:, 2], -0.01 * softened, atol=1e-6)
+
+
+def test_what_is_dragged_travels_as_its_friction_says():
+    env = make_env(count=64)
+    sliding = env.source.kind == SLIDE
+    assert sliding.any()
+    rows, axes = np.flatnonzero(sliding), env.source.slide_axis[sliding]
+    amplitude, rate = env.source.wave_amplitude[rows, axes], env.source.wave_rate[rows]
+    travel = amplitude / (rate * env.surroundings._viscous[rows, axes])
+    assert ((travel > 0.059) & (travel < 0.201)).all()
+
+
+def test_rewards_are_largest_without_error_and_fixed_at_a_fall():
+    env = make_env(count=4)
+    state = env.step(env.teacher_action()).state
+    errors = ("velocity_error", "yaw_error", "position_error", "force_error")
+    zero = {name: np.zeros_like(getattr(state, name)) for name in errors}
+    best = rewards(RewardScales(), replace(state, **zero))
+    assert (best >= rewards(RewardScales(), state) - 1e-12).all()
+    fallen = rewards(RewardScales(), replace(state, fallen=np.ones(4, bool)))
+    assert np.allclose(fallen, 0.1 * np.array([-5.0, -2.0]))
+
+
+def test_ended_episodes_hand_over_their_last_observation():
+    env = make_env(count=4, episode_s=0.2)
+    for _ in range(12):
+        result = env.step(env.teacher_action())
+        assert result.last_observation.shape == (len(result.ended), env.observation_size)
+        assert result.done[result.ended].all()
+    assert np.isfinite(env.observation).all()
