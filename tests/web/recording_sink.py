@@ -1,0 +1,49 @@
+"""A ConsoleSink that keeps what it was told."""
+
+from typing import Any
+
+from control.command import CommandLimits
+
+
+class RecordingSink:
+    """Records every call as (method, argument) in `calls`."""
+
+    limits = CommandLimits()
+
+    def __init__(self) -> None:
+        self.calls: list[tuple[str, Any]] = []
+
+    def available(self) -> dict[str, Any]:
+        return {
+            "controllers": ["model_based"],
+            "estimators": ["gmo_pi", "adaptive"],
+            "scenes": ["free"],
+            "backends": [
+                {"name": "simulation", "available": True, "reason": None},
+                {"name": "hardware", "available": False, "reason": "no robot <answers>"},
+            ],
+        }
+
+    def _call(self, name: str, argument: Any) -> None:
+        self.calls.append((name, argument))
+
+    def patch_command(self, **fields: Any) -> None:
+        self._call("patch_command", fields)
+
+    def set_drag(self, target_in_world: tuple[float, float, float] | None) -> None:
+        self._call("set_drag", target_in_world)
+
+    def select_controller(self, name: str) -> None:
+        self._call("select_controller", name)
+
+    def select_estimator(self, name: str) -> None:
+        self._call("select_estimator", name)
+
+    def set_mismatch(self, mass_scale: float) -> None:
+        self._call("set_mismatch", mass_scale)
+
+    def set_scene(self, name: str) -> None:
+        self._call("set_scene", name)
+
+    def set_run(self, state: str | None, speed: float | None) -> None:
+        self._call("set_run", (state, speed))

@@ -1,0 +1,60 @@
+"""The charts' history."""
+
+import numpy as np
+import pytest
+
+from web.charts import SAMPLE_PERIOD_S, WINDOW_S, ForceHistory
+
+
+@pytest.fixture
+def history() -> ForceHistory:
+    return ForceHistory()
+
+
+def feed(history: ForceHistory, snapshot: np.void, times: np.ndarray) -> int:
+    taken = 0
+    for now in times:
+        snapshot["time_s"] = now
+        snapshot["force_true"] = [np.sin(now), 0.0, 5.0]
+        taken += history.append(snapshot)
+    return taken
+
+
+def test_it_spans_the_window_and_ends_now(history: ForceHistory, snapshot: np.void) -> None:
+    feed(history, snapshot, np.arange(0.0, 30.0, SAMPLE_PERIOD_S))
+    age, true, _, _ = history.series(0)
+    assert age[-1] == 0.0
+    assert WINDOW_S <= -age[0] <= 1.5 * WINDOW_S
+    assert (np.diff(age) > 0.0).all()
+    np.testing.assert_allclose(true, np.sin(snapshot["time_s"] + age))
+
+
+def test_it_samples_no_faster_than_its_period(history: ForceHistory, snapshot: np.void) -> None:
+    taken = feed(history, snapshot, np.arange(0.0, 2.0, 0.002))
+    assert taken <= 2.0 / SAMPLE_PERIOD_S + 1
+
+
+def test_time_that_stands_still_adds_nothing(history: ForceHistory, snapshot: np.void) -> None:
+    assert feed(history, snapshot, np.full(5, 1.0)) == 1
+
+
+@pytest.mark.parametrize("jump", [0.0, 100.0])
+def test_a_reset_or_a_long_gap_starts_afresh(history: ForceHistory, snapshot: np.void, jump: float) -> None:
+    feed(history, snapshot, np.arange(5.0, 10.0, 0.05))
+    feed(history, snapshot, np.array([jump]))
+    age, true, _, _ = history.series(0)
+    assert np.isfinite(true).sum() == 1
+    assert np.isfinite(age).all()
+
+
+def test_the_commanded_trace_exists_on_force_axes_only(history: ForceHistory, snapshot: np.void) -> None:
+    snapshot["applied_command"]["mask"] = [0, 0, 1]
+    snapshot["applied_command"]["force_n"] = [3.0, 0.0, -20.0]
+    history.append(snapshot)
+    assert np.isnan(history.series(0)[3]).all()
+    assert history.series(2)[3][-1] == -20.0
+    assert history.largest_n() == 20.0
+
+
+def test_an_empty_history_has_no_force(history: ForceHistory) -> None:
+    assert history.largest_n() == 0.0

@@ -1,0 +1,83 @@
+"""The console as a whole: it draws every kind of snapshot, and a broken one does not end it."""
+
+import threading
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+import websockets.sync.client
+from recording_sink import RecordingSink
+from viser import __version__ as viser_version
+
+from sim.snapshot import Mode
+from web.console import Console
+
+
+@pytest.fixture
+def console(sink: RecordingSink, snapshot: np.void) -> Iterator[Console]:
+    console = Console(sink, lambda: snapshot)
+    yield console
+    console.stop()
+
+
+def test_it_listens_on_loopback_only_and_says_where(console: Console) -> None:
+    assert console.port > 0
+    with websockets.sync.client.connect(
+        f"ws://127.0.0.1:{console.port}", subprotocols=[websockets.Subprotocol(f"viser-v{viser_version}")], max_size=None
+    ) as connection:
+        assert connection.recv(timeout=10.0)
+
+
+@pytest.mark.parametrize("mode", list(Mode))
+def test_every_mode_is_drawn(console: Console, snapshot: np.void, mode: Mode) -> None:
+    snapshot["mode"] = mode
+    console.draw(snapshot)
+
+
+def test_a_snapshot_of_hardware_has_no_truth_and_is_drawn(console: Console, snapshot: np.void) -> None:
+    for name in ("force_true", "wheel_force_true", "mass_scale_true", "wheel_contact_position_in_world", "force_errors_rms"):
+        snapshot[name] = np.nan
+    console.draw(snapshot)
+    console.draw(None)
+    console.draw(snapshot)
+
+
+def test_drawing_sends_nothing_back(console: Console, sink: RecordingSink, snapshot: np.void) -> None:
+    snapshot["command"]["force_n"] = [1.0, 2.0, 3.0]
+    snapshot["command"]["guidance"] = True
+    snapshot["speed"] = 2.0
+    console.draw(snapshot)
+    assert sink.calls == []
+
+
+def test_one_bad_frame_does_not_stop_the_pump(
+    sink: RecordingSink, snapshot: np.void, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    frames, recovered = [], threading.Event()
+
+    def source() -> np.void:
+        frames.append(None)
+        if len(frames) == 1:
+            raise ValueError("torn")
+        recovered.set()
+        return snapshot
+
+    console = Console(sink, source)
+    monkeypatch.setattr(console, "has_viewers", lambda: True)
+    console.start()
+    assert recovered.wait(10.0)
+    console.stop()
+    assert "could not draw" in caplog.text
+
+
+def test_nobody_watching_costs_nothing(sink: RecordingSink, snapshot: np.void) -> None:
+    asked = threading.Event()
+
+    def source() -> np.void:
+        asked.set()
+        return snapshot
+
+    console = Console(sink, source)
+    console.start()
+    assert not asked.wait(0.3)
+    console.stop()

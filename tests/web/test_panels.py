@@ -1,0 +1,103 @@
+"""What the panels say and send."""
+
+import numpy as np
+import pytest
+import viser
+from recording_sink import RecordingSink
+
+from control.safety import Fault
+from sim.snapshot import Mode
+from web.alert import alert_text
+from web.command_panel import CommandPanel, reachable
+from web.setup_panel import SetupPanel, backends_html, estimators_html
+
+
+@pytest.fixture
+def panel(server: viser.ViserServer, sink: RecordingSink) -> CommandPanel:
+    return CommandPanel(server, sink)
+
+
+def test_each_axis_shows_only_the_target_of_its_mode(panel: CommandPanel, snapshot: np.void) -> None:
+    snapshot["command"]["mask"] = [0, 1, 0]
+    panel.update(snapshot)
+    assert [force.visible for force in panel.forces] == [False, True, False]
+    assert [position.visible for position in panel.positions] == [True, False, True]
+
+
+def test_the_sliders_span_exactly_the_limits(panel: CommandPanel, sink: RecordingSink) -> None:
+    limits = sink.limits
+    boxes = (limits.position_x_m, limits.position_y_m, limits.position_z_m)
+    assert [(slider.min, slider.max) for slider in panel.positions] == list(boxes)
+    assert [(slider.min, slider.max) for slider in panel.forces] == [limits.force_n] * 3
+
+
+def test_the_widgets_show_the_command_as_asked(panel: CommandPanel, snapshot: np.void) -> None:
+    snapshot["command"]["force_n"] = [1.0, -2.0, 20.0]
+    snapshot["command"]["position_m"] = [0.5, 0.1, 0.7]
+    panel.update(snapshot)
+    assert [slider.value for slider in panel.forces] == [1.0, -2.0, 20.0]
+    assert [slider.value for slider in panel.positions] == [0.5, 0.1, 0.7]
+
+
+def test_targets_out_of_reach_become_the_nearest_reachable(sink: RecordingSink) -> None:
+    limits = sink.limits
+    inside = [0.5, 0.1, 0.6]
+    np.testing.assert_allclose(reachable(inside, limits), inside)
+    corner = reachable([0.8, 0.35, 0.95], limits)
+    assert np.linalg.norm(corner - limits.shoulder_m) <= limits.reach_m
+
+
+def test_what_runs_is_shown(server: viser.ViserServer, sink: RecordingSink, snapshot: np.void) -> None:
+    setup = SetupPanel(server, sink)
+    snapshot["estimator"], snapshot["mass_scale_true"], snapshot["speed"] = b"gmo_pi", 1.2, 0.5
+    setup.update(snapshot)
+    assert (setup.estimator.value, setup.mass.value, setup.speed.value) == ("gmo_pi", 1.2, 0.5)
+
+
+def test_a_backend_that_cannot_be_used_says_why(sink: RecordingSink) -> None:
+    text = backends_html(sink.available()["backends"], "simulation")
+    assert "<b>simulation</b>: in use" in text
+    assert "hardware: not available. no robot &lt;answers&gt;" in text
+
+
+def test_estimators_are_compared_with_truth_where_there_is_truth(snapshot: np.void) -> None:
+    text = estimators_html(snapshot)
+    assert "gmo_pi" in text
+    assert "3.2 N" in text
+    snapshot["force_errors_rms"] = np.nan
+    assert "no truth" in estimators_html(snapshot)
+
+
+@pytest.mark.parametrize(
+    ("mode", "faults", "words"),
+    [
+        (Mode.ESTOP, Fault.NONE, "E-stop is latched"),
+        (Mode.FAULT, Fault.TILT | Fault.STALE_SETPOINT, "the base tilts too far, no fresh command arrives"),
+    ],
+)
+def test_an_alert_names_its_reason(snapshot: np.void, mode: Mode, faults: Fault, words: str) -> None:
+    snapshot["mode"], snapshot["faults"] = mode, int(faults)
+    alert = alert_text(snapshot)
+    assert alert is not None
+    assert words in alert[0]
+
+
+def test_every_fault_has_words(snapshot: np.void) -> None:
+    snapshot["mode"] = Mode.FAULT
+    for fault in Fault:
+        snapshot["faults"] = int(fault)
+        alert = alert_text(snapshot)
+        assert alert is not None
+        assert "unknown" not in alert[0], fault
+
+
+@pytest.mark.parametrize("mode", [Mode.RUNNING, Mode.PAUSED])
+def test_there_is_no_alert_when_all_is_well(snapshot: np.void, mode: Mode) -> None:
+    snapshot["mode"] = mode
+    assert alert_text(snapshot) is None
+
+
+def test_a_dead_control_process_is_an_alert() -> None:
+    alert = alert_text(None)
+    assert alert is not None
+    assert "has stopped" in alert[0]

@@ -1,0 +1,1 @@
+"""Everything a browser shows: the Viser scene and panels, and the static page around them."""

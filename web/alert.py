@@ -1,0 +1,51 @@
+"""The line above the widgets that says why the robot does not obey."""
+
+import html
+
+import numpy as np
+import viser
+
+from control.safety import Fault
+from sim.snapshot import Mode
+
+_FAULT_WORDS = {
+    Fault.TILT: "the base tilts too far",
+    Fault.NOT_FINITE: "a value is not finite",
+    Fault.STALE_SETPOINT: "no fresh command arrives",
+    Fault.STALE_TARGETS: "the controller delivers no targets",
+    Fault.JOINT_LIMIT: "a joint is at its limit",
+    Fault.TORQUE_LIMIT: "a joint is at its torque limit",
+    Fault.ESTIMATOR_STALE: "the force estimate is stale",
+    Fault.CONTROLLER_ERROR: "the controller failed",
+}
+_BOX = "margin:0.5em 0.75em;padding:0.5em 0.75em;border-radius:4px;font-size:0.875em;color:#fff;background:{}"
+_RED, _AMBER = "#b3261e", "#8a5a00"
+
+
+def alert_text(snapshot: np.void | None) -> tuple[str, str] | None:
+    """Message and background of the alert for a SNAPSHOT record (None: the control process is dead), None when all is well."""
+    if snapshot is None:
+        return "The control process has stopped. Restart it in the bar at the top.", _RED
+    mode = Mode(snapshot["mode"])
+    if mode is Mode.ESTOP:
+        return "E-stop is latched: the drives only damp. Clear it in the bar at the top.", _RED
+    faults = ", ".join(words for fault, words in _FAULT_WORDS.items() if snapshot["faults"] & fault)
+    if mode is Mode.FAULT:
+        return f"Fault, the drives only damp: {faults or 'unknown'}.", _AMBER
+    return None
+
+
+class Alert:
+    """Shows alert_text, or nothing."""
+
+    def __init__(self, server: viser.ViserServer) -> None:
+        self._box = server.gui.add_html("", visible=False)
+
+    def update(self, snapshot: np.void | None) -> None:
+        """Say what a SNAPSHOT record gives reason to say; None means that the control process is dead."""
+        alert = alert_text(snapshot)
+        if alert is not None:
+            message, background = alert
+            self._box.content = f'<div data-forcelens="alert" style="{_BOX.format(background)}">{html.escape(message)}</div>'
+        if self._box.visible != (alert is not None):
+            self._box.visible = alert is not None

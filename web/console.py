@@ -1,0 +1,129 @@
+"""The console: one Viser server on loopback, and the pump that turns snapshots into pixels.
+
+The pump runs at 30 Hz in a thread of its own and rests while nobody watches. It reads the newest snapshot and sets only
+what changed; Viser drops superseded messages, so a slow client skips frames instead of falling behind.
+"""
+
+import contextlib
+import io
+import logging
+import threading
+import time
+from collections.abc import Callable
+
+import numpy as np
+import viser
+
+from web import theme
+from web.alert import Alert
+from web.camera import Camera
+from web.charts import ForceCharts
+from web.command_panel import CommandPanel
+from web.drag import GrabHandle, TargetGizmo
+from web.force_arrows import ForceArrows
+from web.objects import SceneObjects
+from web.scene import Scene
+from web.setup_panel import SetupPanel
+from web.sink import ConsoleSink
+from web.view_panel import ViewPanel
+from web.wheel_contacts import WheelContacts
+
+PUMP_PERIOD_S = 1.0 / 30.0
+AFTER_ERROR_S = 1.0
+_PANEL_WIDTH_PX = 320
+
+_log = logging.getLogger(__name__)
+
+
+class Console:
+    """Everything that Viser shows of one robot, for any number of browsers."""
+
+    def __init__(self, sink: ConsoleSink, snapshot_source: Callable[[], np.void | None], viser_port: int = 0) -> None:
+        """
+        Args:
+            sink: what the operator's actions go to.
+            snapshot_source: newest SNAPSHOT record, or None when the control process is dead.
+            viser_port: loopback port to bind; 0 lets the system choose. `port` says which one it became.
+        """
+        self._snapshot_source = snapshot_source
+        # Viser prints its loopback address, which is not the one to open, and later that it stopped.
+        with contextlib.redirect_stdout(io.StringIO()):
+            self._server = viser.ViserServer(host="127.0.0.1", port=viser_port, label="Forcelens", verbose=False)
+        self.port = self._server.get_port()
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._pump, name="console-pump", daemon=True)
+        self._build(sink)
+
+    def _build(self, sink: ConsoleSink) -> None:
+        server = self._server
+        gui = server.gui
+        gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False, brand_color=theme.BRAND)
+        gui.main_panel.dock_right()
+        gui.main_panel.set_width(_PANEL_WIDTH_PX)
+        self._scene = Scene(server)
+        self._objects = SceneObjects(server)
+        self._camera = Camera(server)
+        self._forces = ForceArrows(server)
+        self._contacts = WheelContacts(server)
+        self._grab = GrabHandle(server, sink)
+        self._gizmo = TargetGizmo(server, sink)
+        self._alert = Alert(server)
+        tabs = gui.add_tab_group()
+        with tabs.add_tab("Command", viser.Icon.HAND_MOVE):
+            self._command = CommandPanel(server, sink)
+        with tabs.add_tab("Setup", viser.Icon.ADJUSTMENTS):
+            self._setup = SetupPanel(server, sink)
+        ViewPanel(server, tabs.add_tab("View", viser.Icon.EYE), self._camera, self._forces, self._contacts)
+        self._charts = ForceCharts(server)
+
+    def start(self) -> None:
+        """Start the pump."""
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Stop the pump and the Viser server."""
+        self._stop.set()
+        if self._thread.is_alive():
+            self._thread.join(timeout=2.0)
+        with contextlib.redirect_stdout(io.StringIO()):
+            self._server.stop()
+
+    def has_viewers(self) -> bool:
+        """Whether any browser shows the scene."""
+        return bool(self._server.get_clients())
+
+    def _pump(self) -> None:
+        due = time.monotonic()
+        while not self._stop.is_set():
+            if self.has_viewers():
+                try:
+                    self.draw(self._snapshot_source())
+                except Exception:
+                    # One bad frame must not freeze the page for good; the next frame starts afresh.
+                    _log.exception("the console could not draw a snapshot")
+                    self._stop.wait(AFTER_ERROR_S)
+            due = max(due + PUMP_PERIOD_S, time.monotonic())
+            self._stop.wait(due - time.monotonic())
+
+    def draw(self, snapshot: np.void | None) -> None:
+        """Show one SNAPSHOT record, or that there is none."""
+        with self._server.atomic():
+            self._alert.update(snapshot)
+            if snapshot is None:
+                self._forces.hide()
+                self._contacts.hide()
+            else:
+                self._draw_live(snapshot)
+        self._server.flush()
+
+    def _draw_live(self, snapshot: np.void) -> None:
+        self._scene.update(snapshot)
+        self._objects.update(snapshot)
+        self._forces.update(snapshot)
+        self._contacts.update(snapshot)
+        self._grab.update(snapshot)
+        self._gizmo.update(snapshot)
+        self._camera.update(snapshot)
+        self._command.update(snapshot)
+        self._setup.update(snapshot)
+        self._charts.update(snapshot)

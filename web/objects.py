@@ -1,0 +1,83 @@
+"""The objects of a scene (box, board, valve, door), drawn from the scene's primitive geoms."""
+
+import mujoco
+import numpy as np
+import trimesh
+import viser
+
+from sim.scenes import Primitive, SceneModel, build
+
+_ROOT = "/objects"
+
+
+class SceneObjects:
+    """Draws the scene that the snapshot names, and moves its movable bodies."""
+
+    def __init__(self, server: viser.ViserServer) -> None:
+        self._scene_api = server.scene
+        self._name: str | None = None
+        self._movable: list[viser.FrameHandle] = []
+        self.bodies: dict[str, viser.FrameHandle] = {}
+
+    def update(self, snapshot: np.void) -> None:
+        """Show the objects of a SNAPSHOT record."""
+        name = snapshot["scene"].decode()
+        if name != self._name:
+            self._name = name
+            self._load(build(name))
+        for index, body in enumerate(self._movable[: snapshot["object_count"]]):
+            body.position = snapshot["object_position"][index]
+            body.wxyz = snapshot["object_orientation_wxyz"][index]
+
+    def _load(self, scene: SceneModel) -> None:
+        self._scene_api.remove_by_name(_ROOT)
+        self._scene_api.add_frame(_ROOT, show_axes=False)
+        data = mujoco.MjData(scene.model)
+        mujoco.mj_kinematics(scene.model, data)
+        self.bodies = {}
+        for body in dict.fromkeys(primitive.body for primitive in scene.primitives):
+            pose = data.body(body)
+            self.bodies[body] = self._scene_api.add_frame(
+                f"{_ROOT}/{body}", show_axes=False, position=pose.xpos, wxyz=pose.xquat
+            )
+        for index, primitive in enumerate(scene.primitives):
+            # The floor is the grid of web.scene.
+            if primitive.kind != "plane":
+                self._add(f"{_ROOT}/{primitive.body}/{index}", primitive)
+        self._movable = [self.bodies[body] for body in scene.movable_bodies]
+
+    def _add(self, path: str, primitive: Primitive) -> None:
+        mesh = primitive_mesh(primitive)
+        color = tuple(round(255 * channel) for channel in primitive.rgba[:3])
+        opacity = None if primitive.rgba[3] >= 1.0 else float(primitive.rgba[3])
+        self._scene_api.add_mesh_simple(
+            path,
+            np.asarray(mesh.vertices),
+            np.asarray(mesh.faces),
+            color=color,
+            opacity=opacity,
+            flat_shading=primitive.kind == "box",
+            position=primitive.position,
+            wxyz=primitive.orientation_wxyz,
+        )
+
+
+def primitive_mesh(primitive: Primitive) -> trimesh.Trimesh:
+    """Triangles of a primitive in its own frame, m.
+
+    Raises:
+        ValueError: a kind of geom that has no finite surface.
+    """
+    a, b, _ = primitive.size
+    match primitive.kind:
+        case "box":
+            return trimesh.creation.box(extents=2.0 * primitive.size)
+        case "sphere":
+            return trimesh.creation.icosphere(subdivisions=3, radius=a)
+        case "cylinder":
+            return trimesh.creation.cylinder(radius=a, height=2.0 * b, sections=48)
+        case "capsule":
+            return trimesh.creation.capsule(radius=a, height=2.0 * b, count=(24, 24))
+        case "ellipsoid":
+            return trimesh.creation.icosphere(subdivisions=3).apply_scale(primitive.size)
+    raise ValueError(f"geom {primitive.name!r} is a {primitive.kind}, which cannot be drawn as an object of a scene")

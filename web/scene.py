@@ -1,0 +1,112 @@
+"""The world and the robot in Viser: floor, light, and one node per robot body nested like the kinematic tree.
+
+Nesting keeps a frame small: the base moves, and below it only the hinges' orientations change.
+"""
+
+import logging
+from dataclasses import dataclass
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import viser
+
+from control.frames import quaternion_multiply
+from control.joints import JOINT_NAMES
+from control.robot_model import ROBOT_MJCF
+from web import theme
+
+VISUALS = Path(ROBOT_MJCF).parent / "visual"
+"""One GLB per body, `<body>.glb`, in the body's frame."""
+
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True)
+class BodyTree:
+    """Kinematic tree of the robot in file order, parents first.
+
+    Attributes:
+        names: body names; the first is the floating base.
+        paths: scene path of each body.
+        positions: (n, 3) m, origin in the parent body.
+        rest_wxyz: (n, 4) orientation in the parent body at joint angle zero.
+        turned_wxyz: (n, 4) `rest * (0, axis)`: a hinge at angle q has orientation cos(q/2) rest + sin(q/2) turned.
+        joints: (n,) index in control.joints order of the hinge that moves the body, -1 for none.
+    """
+
+    names: tuple[str, ...]
+    paths: tuple[str, ...]
+    positions: np.ndarray
+    rest_wxyz: np.ndarray
+    turned_wxyz: np.ndarray
+    joints: np.ndarray
+
+    @classmethod
+    def from_mjcf(cls, path: Path | str = ROBOT_MJCF) -> "BodyTree":
+        """Read the tree of a robot whose joints are one free joint and hinges."""
+        model = mujoco.MjModel.from_xml_path(str(path))
+        names = tuple(model.body(i).name for i in range(1, model.nbody))
+        paths: list[str] = []
+        joints = np.full(len(names), -1)
+        turned = np.zeros((len(names), 4))
+        for index, body in enumerate(range(1, model.nbody)):
+            parent = model.body_parentid[body]
+            paths.append(f"{paths[parent - 1] if parent else ''}/{names[index]}")
+            joint = model.body_jntadr[body]
+            if joint >= 0 and model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_HINGE:
+                joints[index] = JOINT_NAMES.index(model.joint(joint).name)
+                turned[index] = quaternion_multiply(model.body_quat[body], np.array([0.0, *model.jnt_axis[joint]]))
+        return cls(names, tuple(paths), model.body_pos[1:].copy(), model.body_quat[1:].copy(), turned, joints)
+
+    def orientations(self, joint_position: np.ndarray) -> np.ndarray:
+        """(n, 4) wxyz of every body in its parent for joint angles (22,), rad. The base keeps its rest orientation."""
+        half = np.where(self.joints >= 0, joint_position[self.joints], 0.0)[:, None] / 2.0
+        return np.cos(half) * self.rest_wxyz + np.sin(half) * self.turned_wxyz
+
+
+class Scene:
+    """Floor, light and robot. `nodes` holds the robot's bodies by name."""
+
+    def __init__(self, server: viser.ViserServer, visuals: Path = VISUALS) -> None:
+        scene = server.scene
+        scene.set_up_direction("+z")
+        scene.world_axes.visible = False
+        scene.configure_environment_map("studio", environment_intensity=0.3)
+        # Viser's own lights are so bright that they wash the force colours out.
+        scene.configure_default_lights(enabled=False)
+        scene.add_light_directional("/light/key", intensity=1.5, cast_shadow=True, position=(1.2, -0.8, 2.4))
+        scene.add_light_hemisphere("/light/sky", sky_color=(225, 235, 255), ground_color=(70, 75, 85), intensity=0.6)
+        scene.add_grid(
+            "/floor",
+            infinite_grid=True,
+            cell_size=0.25,
+            section_size=1.0,
+            cell_color=theme.GRID_CELL,
+            section_color=theme.GRID_SECTION,
+            plane_color=theme.FLOOR,
+            plane_opacity=1.0,
+            shadow_opacity=0.35,
+            fade_distance=14.0,
+        )
+        self._tree = BodyTree.from_mjcf()
+        self.nodes = {name: self._add_body(scene, visuals, index) for index, name in enumerate(self._tree.names)}
+        self._hinges = [(index, node) for index, node in enumerate(self.nodes.values()) if self._tree.joints[index] >= 0]
+
+    def _add_body(self, scene: viser.SceneApi, visuals: Path, index: int) -> viser.GlbHandle | viser.FrameHandle:
+        tree = self._tree
+        path, position, wxyz = tree.paths[index], tree.positions[index], tree.rest_wxyz[index]
+        glb = visuals / f"{tree.names[index]}.glb"
+        if not glb.is_file():
+            _log.warning("no mesh for robot body %s: %s is missing; run python -m web.robot_visuals", tree.names[index], glb)
+            return scene.add_frame(path, show_axes=False, position=position, wxyz=wxyz)
+        return scene.add_glb(path, glb.read_bytes(), position=position, wxyz=wxyz)
+
+    def update(self, snapshot: np.void) -> None:
+        """Pose the robot as in a SNAPSHOT record."""
+        base = self.nodes[self._tree.names[0]]
+        base.position = snapshot["base_position"]
+        base.wxyz = snapshot["base_orientation_wxyz"]
+        orientations = self._tree.orientations(snapshot["joint_position"])
+        for index, node in self._hinges:
+            node.wxyz = orientations[index]

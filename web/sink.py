@@ -1,0 +1,67 @@
+"""What the console acts on. The server provides it; every method may be called from any thread."""
+
+from collections.abc import Callable, Coroutine
+from typing import Any, Literal, Protocol, TypeVar
+
+import viser
+
+from control.command import CommandLimits
+
+
+class ConsoleSink(Protocol):
+    """The operator's actions.
+
+    Every action raises a ValueError or a RuntimeError whose message says what to do when it is refused: a value out of
+    range, a latched e-stop, another operator's lease, no control process.
+    """
+
+    limits: CommandLimits
+
+    def available(self) -> dict[str, Any]:
+        """Names in `controllers`, `estimators`, `scenes`; in `backends` {name, available, reason} with the reason why not."""
+        ...
+
+    def patch_command(self, **fields: Any) -> object:
+        """Change fields of the command. Returns at once."""
+
+    def set_drag(self, target_in_world: tuple[float, float, float] | None) -> None:
+        """Pull the hand towards a point (3,) m in world with a spring; None lets go. Returns at once."""
+
+    def select_controller(self, name: str) -> object:
+        """Switch controllers. Waits until it is done."""
+
+    def select_estimator(self, name: str) -> object:
+        """Choose whose estimate feeds the controller. Waits until it is done."""
+
+    def set_mismatch(self, mass_scale: float) -> object:
+        """Scale the simulated robot's mass. Waits until it is done."""
+
+    def set_scene(self, name: str) -> object:
+        """Load a scene. Waits until it is done."""
+
+    def set_run(self, state: Literal["running", "paused"] | None, speed: float | None) -> object:
+        """Run or pause, and at which speed; None leaves as it is. Waits until it is done."""
+
+
+Event = TypeVar("Event", bound=Any)
+
+
+def reports_refusal(callback: Callable[[Event], object]) -> Callable[[Event], Coroutine[Any, Any, None]]:
+    """Make a Viser callback of a plain function: in order, and with refusals shown to the client that asked.
+
+    Viser keeps the order of `async` callbacks only.
+    """
+
+    async def ordered(event: Event) -> None:
+        try:
+            callback(event)
+        except (ValueError, RuntimeError) as refusal:
+            notify(event.client, str(refusal))
+
+    return ordered
+
+
+def notify(client: viser.ClientHandle | None, message: str) -> None:
+    """Tell one client that what it asked for was refused."""
+    if client is not None:
+        client.add_notification("Not applied", message, color="orange", auto_close_seconds=6.0)

@@ -1,0 +1,110 @@
+/** The page around the scene: follows the state, and sends what its buttons and keys ask for. */
+
+import { call, followState } from "./api.js";
+import { hideBanner, showBanner } from "./banners.js";
+import { showEstop, stop } from "./estop.js";
+import { showForces } from "./readout.js";
+import { bindShortcuts, toggleHelp } from "./shortcuts.js";
+import { showLimits, showLink, showMode, showState } from "./status_bar.js";
+import { reporting } from "./toast.js";
+
+const RATE_HZ = 10;
+const DEAD = "CONTROL_PROCESS_DEAD";
+
+const FAULT_WORDS = {
+  tilt: "the base tilts too far",
+  not_finite: "a value is not finite",
+  stale_setpoint: "no fresh command arrives",
+  stale_targets: "the controller delivers no targets",
+  joint_limit: "a joint is at its limit",
+  torque_limit: "a joint is at its torque limit",
+  estimator_stale: "the force estimate is stale",
+  controller_error: "the controller failed",
+};
+
+const pauseButton = document.getElementById("pause");
+const resetButton = document.getElementById("reset");
+const panelButton = document.getElementById("panel");
+const viser = document.getElementById("viser");
+
+let latest = null;
+let halted = false;
+
+function onState(state) {
+  // A paused simulation may report a fault instead; its clock tells.
+  halted = state.mode === "paused" || state.time_s === latest?.time_s;
+  latest = state;
+  showState(state);
+  showForces(state);
+  showEstop(state.mode === "estop");
+  const label = halted ? "Resume" : "Pause";
+  if (pauseButton.textContent !== label) pauseButton.textContent = label;
+  pauseButton.setAttribute("aria-pressed", String(halted));
+  showFaults(state);
+  showDead(state.faults.includes(DEAD));
+}
+
+function showDead(dead) {
+  pauseButton.disabled = resetButton.disabled = dead;
+  if (!dead) return hideBanner("control");
+  showMode("stopped");
+  showForces(null);
+  showBanner("control", "stop", "The control process has stopped. Nothing controls the robot.", {
+    label: "Restart control",
+    act: () => reporting(() => call("POST", "control/restart", {})),
+  });
+}
+
+/** Faults that damp get a banner; limits that come and go are told in the status bar, which does not move the scene. */
+function showFaults(state) {
+  const words = state.faults.filter((fault) => fault !== DEAD).map((fault) => FAULT_WORDS[fault.toLowerCase()] ?? fault);
+  const damped = state.mode === "fault" && words.length > 0;
+  if (damped) showBanner("fault", "warn", `Fault: ${words.join(", ")}. The drives only damp.`);
+  else hideBanner("fault");
+  showLimits(state.mode === "running" ? words : []);
+}
+
+function onLink(link) {
+  showLink(link);
+  if (link === "lost") showBanner("link", "warn", "The server does not answer. The robot may still be moving. Trying again.");
+  else hideBanner("link");
+}
+
+const pauseOrResume = () =>
+  reporting(() => call("POST", "run", { state: halted ? "running" : "paused" }));
+const reset = () => reporting(() => call("POST", "reset", {}));
+const step = () => reporting(() => call("POST", "step", { ticks: 10 }));
+const toggleGuidance = () => reporting(() => call("PATCH", "command", { guidance: !latest?.command.guidance }));
+
+/** On a phone the panel is a drawer of the scene's page. */
+function togglePanel() {
+  const open = viser.contentDocument.documentElement.classList.toggle("forcelens-panel-open");
+  panelButton.setAttribute("aria-pressed", String(open));
+}
+
+/** Hand a key to the scene's page, where Viser listens for it. */
+function toScene(key) {
+  const options = { key, code: `Digit${key}`, bubbles: true };
+  viser.contentDocument.body.dispatchEvent(new KeyboardEvent("keydown", options));
+  viser.contentDocument.body.dispatchEvent(new KeyboardEvent("keyup", options));
+}
+
+pauseButton.onclick = pauseOrResume;
+panelButton.onclick = togglePanel;
+resetButton.onclick = reset;
+document.getElementById("help").onclick = toggleHelp;
+
+bindShortcuts([
+  { keys: ["E", "Escape"], label: "E Esc", words: "E-stop", act: stop },
+  { keys: [" "], label: "Space", words: "Pause and resume", act: pauseOrResume },
+  { keys: ["."], label: ".", words: "While paused: advance 20 ms", act: step },
+  { keys: ["R"], label: "R", words: "Reset the simulation", act: reset },
+  { keys: ["G"], label: "G", words: "Zero-force guidance on and off", act: toggleGuidance },
+  ...["corner", "front", "side", "top", "hand"].map((view, index) => {
+    const key = String(index + 1);
+    return { keys: [key], label: key, words: `Camera: ${view}`, act: () => toScene(key) };
+  }),
+  { keys: ["?"], label: "?", words: "This help", act: toggleHelp },
+]);
+
+followState(RATE_HZ, onState, onLink);

@@ -1,0 +1,65 @@
+/** The facts of the status bar, as the control process reports them. */
+
+const MODE_WORDS = { running: "Running", guidance: "Guidance", paused: "Paused", estop: "E-stop", fault: "Fault", stopped: "Stopped" };
+const LINK_WORDS = { live: "live", connecting: "connecting", lost: "lost, retrying" };
+
+const element = (id) => document.getElementById(id);
+
+function show(id, text, level = "") {
+  const target = element(id);
+  if (target.textContent !== text) target.textContent = text;
+  if ((target.dataset.level ?? "") !== level) target.dataset.level = level;
+}
+
+/** Show a state of the stream. */
+export function showState(state) {
+  const paused = state.mode === "paused";
+  const { real_time_factor: factor, speed, overruns, lateness_p99_ms: lateness, realtime_scheduling: realtime } = state.loop;
+  showMode(state.mode === "running" && state.command.guidance ? "guidance" : state.mode);
+  show("backend", `${state.backend}, ${state.scene}`);
+  show("real-time", paused ? "–" : `× ${factor.toFixed(2)}`, !paused && factor < SLOW * speed ? "warn" : "");
+  show("overruns", String(overruns), overrunning(overruns) ? "warn" : "");
+  element("overruns").title =
+    `Ticks that missed their 2 ms deadline. 99 % are at most ${lateness.toFixed(2)} ms late; ` +
+    `real-time priority is ${realtime ? "granted" : "not granted"}.`;
+  show("estimator", state.estimator);
+}
+
+const SLOW = 0.9;
+const OVERRUN_MS = 3000;
+const overrun = { count: 0, sinceMs: -Infinity };
+
+/** The count has grown within the last seconds. */
+function overrunning(count) {
+  if (count > overrun.count) overrun.sinceMs = performance.now();
+  overrun.count = count;
+  return performance.now() - overrun.sinceMs < OVERRUN_MS;
+}
+
+/** Show the mode alone: a key of MODE_WORDS. */
+export function showMode(mode) {
+  const pill = element("mode");
+  if (pill.dataset.mode === mode) return;
+  pill.dataset.mode = mode;
+  pill.textContent = MODE_WORDS[mode] ?? mode;
+}
+
+/** Show the state of the link to the server: "live", "connecting" or "lost". */
+export function showLink(link) {
+  const target = element("connection");
+  if (target.dataset.state === link) return;
+  target.dataset.state = link;
+  target.textContent = LINK_WORDS[link];
+}
+
+const LIMITS_MS = 2000;
+let limitsTimer = 0;
+
+/** Show what limits the robot right now, in words, and keep it readable for a moment when it passes. */
+export function showLimits(words) {
+  if (words.length === 0) return;
+  show("limits", words.join(", "), "warn");
+  element("limits").parentElement.hidden = false;
+  clearTimeout(limitsTimer);
+  limitsTimer = setTimeout(() => (element("limits").parentElement.hidden = true), LIMITS_MS);
+}

@@ -1,0 +1,33 @@
+"""Colours of the scene and of the charts.
+
+Forces have two colours of the Okabe-Ito palette (Okabe and Ito, "Color universal design", 2008) and white: the triple that
+stays farthest apart on a dark ground for every kind of colour blindness. web/static/style.css repeats them.
+"""
+
+from typing import TypeAlias
+
+RGB: TypeAlias = tuple[int, int, int]
+
+COMMANDED: RGB = (230, 159, 0)
+ESTIMATED: RGB = (0, 158, 115)
+TRUE: RGB = (236, 239, 244)
+HANDLE: RGB = (240, 228, 66)
+CONE: RGB = (150, 160, 180)
+CONE_EXCEEDED: RGB = (213, 94, 0)
+
+BRAND: RGB = (58, 122, 190)
+FLOOR: RGB = (24, 28, 34)
+GRID_CELL: RGB = (48, 54, 64)
+GRID_SECTION: RGB = (74, 84, 98)
+TARGET: RGB = (205, 214, 226)
+
+
+def css(color: RGB) -> str:
+    """The colour as CSS writes it, `#rrggbb`."""
+    return "#{:02x}{:02x}{:02x}".format(*color)
+
+
+def in_scene(color: RGB) -> RGB:
+    """What to give a lit object so that it appears as `color`: Viser's tone mapping lightens saturated colours."""
+    red, green, blue = (round(255 * (channel / 255) ** 2.4) for channel in color)
+    return red, green, blue
