@@ -1,0 +1,83 @@
+"""The web application: REST, stream, the page, and Viser behind the same port."""
+
+import asyncio
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+
+from fastapi import FastAPI, Request, Response
+from fastapi.exceptions import RequestValidationError
+from fastapi.responses import FileResponse, HTMLResponse
+from fastapi.staticfiles import StaticFiles
+
+from server import stream, viser_relay
+from server.access import AccessControl
+from server.build_info import build_info
+from server.control_client import ControlClient
+from server.docs_page import docs_page
+from server.errors import InvalidFieldError, ServerError
+from server.operator import Operator
+from server.responses import json_response
+from server.routes import ROUTERS
+from server.validation import invalid_fields
+from web.viser_page import STATIC
+
+HEARTBEAT_PERIOD_S = 0.05
+
+
+def create_app(operator: Operator, *, viser_port: int, token: str | None = None) -> FastAPI:
+    """The application around one operator.
+
+    Args:
+        operator: acts on a control process that is already started.
+        viser_port: loopback port of the 3-D scene's server.
+        token: required of every request, None for none.
+    """
+    build = build_info()
+    app = FastAPI(title="Forcelens", version=build.version, docs_url=None, redoc_url=None, lifespan=_lifespan)
+    app.state.build = build
+    app.state.operator = operator
+    app.state.encoder = stream.SnapshotEncoder(operator.client)
+    app.state.viser_port = viser_port
+    app.add_exception_handler(RequestValidationError, _invalid_request)
+    app.add_exception_handler(ServerError, _refused)
+    for router in ROUTERS:
+        app.include_router(router)
+    app.include_router(stream.router)
+    app.include_router(viser_relay.router)
+    app.add_api_route("/", _page, include_in_schema=False)
+    app.add_api_route("/docs", lambda: HTMLResponse(docs_page(app.openapi())), include_in_schema=False)
+    app.mount("/static", StaticFiles(directory=STATIC), name="static")
+    app.add_middleware(AccessControl, token=token)
+    return app
+
+
+def _page() -> Response:
+    return FileResponse(STATIC / "index.html", headers={"Cache-Control": "no-cache"})
+
+
+@asynccontextmanager
+async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
+    heart = asyncio.create_task(_beat(app.state.operator.client))
+    try:
+        yield
+    finally:
+        heart.cancel()
+
+
+async def _beat(client: ControlClient) -> None:
+    """Proof to the control process that this event loop, which an e-stop needs, still turns."""
+    while True:
+        client.heartbeat()
+        await asyncio.sleep(HEARTBEAT_PERIOD_S)
+
+
+async def _invalid_request(_: Request, error: Exception) -> Response:
+    assert isinstance(error, RequestValidationError)
+    return json_response({"detail": [invalid.detail() for invalid in invalid_fields(error.errors())]}, 422)
+
+
+async def _refused(_: Request, error: Exception) -> Response:
+    assert isinstance(error, ServerError)
+    if isinstance(error, InvalidFieldError):
+        return json_response({"detail": [error.detail()]}, 422)
+    return json_response({"detail": str(error)}, error.status)

@@ -1,0 +1,51 @@
+"""What the server is started with."""
+
+import ipaddress
+from dataclasses import dataclass, field
+
+from server.access import LOOPBACK_NAMES
+from sim.session import SessionConfig
+
+
+class ConfigError(ValueError):
+    """Settings that do not go together; the message says which and the cure."""
+
+
+@dataclass(frozen=True, slots=True)
+class ServerConfig:
+    """Settings of one server.
+
+    Attributes:
+        host: address to bind.
+        port: TCP port; 0 lets the system choose.
+        token: required of every request; None only on a loopback address.
+        open_browser: open the page where a display exists.
+        session: what the control process steps.
+
+    Raises:
+        ConfigError: another address than loopback without a token.
+    """
+
+    host: str = "127.0.0.1"
+    port: int = 8080
+    token: str | None = None
+    open_browser: bool = True
+    session: SessionConfig = field(default_factory=SessionConfig)
+
+    def __post_init__(self) -> None:
+        if self.token is None and not is_loopback(self.host):
+            raise ConfigError(
+                f"{self.host} can be reached by others: set a token with --token or FORCELENS_TOKEN, or bind 127.0.0.1"
+            )
+        if self.token is not None and len(self.token) < 8:
+            raise ConfigError("the token is too short; use at least 8 characters")
+
+
+def is_loopback(host: str) -> bool:
+    """Whether an address can only be reached from this machine."""
+    if host in LOOPBACK_NAMES:
+        return True
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False

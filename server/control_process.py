@@ -1,0 +1,87 @@
+"""Entry point of the control process: a spawned interpreter of its own around one ControlLoop.
+
+It asks for SCHED_FIFO, ignores the terminal's interrupts (its web process ends it), and ends when that process is gone.
+"""
+
+import gc
+import logging
+import os
+import signal
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from multiprocessing.connection import Connection
+from typing import Any
+
+from control.pipeline import TICK_S
+from server.control_loop import ControlLoop
+from server.messages import Fatal, Ready
+from server.pacing import Pacer
+from server.session_events import describe
+from server.shared_record import SharedRecord
+from sim.backends.protocol import BackendError
+from sim.session import Session, SessionConfig
+from sim.snapshot import SETPOINT, SNAPSHOT
+
+FIFO_PRIORITY = 20
+
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True)
+class ControlLaunch:
+    """What a control process is started with; picklable.
+
+    Attributes:
+        session: how to make the session.
+        make_session: makes it, in the control process.
+        paused: start in a hold.
+        estopped: start with the e-stop latched, because it was when the process before this one died.
+    """
+
+    session: SessionConfig = field(default_factory=SessionConfig)
+    make_session: Callable[[SessionConfig], Session] = Session
+    paused: bool = False
+    estopped: bool = False
+
+
+def control_process(launch: ControlLaunch, state_memory: Any, setpoint_memory: Any, pipe: Connection) -> None:
+    """Run until closed. Errors that end it go through the pipe before it dies with them."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    logging.basicConfig(level=logging.INFO, format="control process: %(levelname)s: %(message)s")
+    try:
+        session = launch.make_session(launch.session)
+        if launch.estopped:
+            session.estop()
+        pipe.send(Ready(describe(session)))
+        loop = ControlLoop(
+            session,
+            SharedRecord(state_memory, SNAPSHOT),
+            SharedRecord(setpoint_memory, SETPOINT),
+            pipe,
+            Pacer(TICK_S),
+            paused=launch.paused,
+            realtime=request_realtime_scheduling(),
+        )
+        gc.collect()
+        gc.freeze()
+        loop.run()
+        session.backend.close()
+    except (ValueError, BackendError) as error:
+        pipe.send(Fatal(str(error)))  # the message says what to do; a traceback would hide it
+        sys.exit(1)
+    except Exception as error:
+        pipe.send(Fatal(f"{type(error).__name__}: {error}"))
+        raise
+
+
+def request_realtime_scheduling() -> bool:
+    """Ask for SCHED_FIFO; False where the system has none or does not permit it."""
+    if not hasattr(os, "sched_setscheduler"):
+        return False
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(FIFO_PRIORITY))
+    except OSError as error:
+        _log.info("no real-time scheduling (%s); expect missed deadlines on a loaded machine", error.strerror)
+        return False
+    return True

@@ -1,0 +1,21 @@
+"""What route handlers are given."""
+
+from typing import Annotated
+
+from fastapi import Depends
+from starlette.requests import HTTPConnection
+
+from server.build_info import BuildInfo
+from server.operator import Operator
+
+
+def _operator(connection: HTTPConnection) -> Operator:
+    return connection.app.state.operator
+
+
+def _build(connection: HTTPConnection) -> BuildInfo:
+    return connection.app.state.build
+
+
+TheOperator = Annotated[Operator, Depends(_operator)]
+TheBuild = Annotated[BuildInfo, Depends(_build)]

@@ -1,0 +1,218 @@
+"""The operator's actions, for REST and for the 3-D scene alike: one path, so that one set of checks holds for both.
+
+Every method may be called from any thread. A refusal is a RuntimeError or ValueError whose message says what to do.
+"""
+
+import threading
+import time
+from collections.abc import Mapping
+from concurrent.futures import Future
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+
+from control.command import DEFAULT_COMMAND, CommandError, CommandLimits, clip_command
+from control.types import Command
+from server.control_client import SLOW_CALL_TIMEOUT_S, ControlClient
+from server.control_process import ControlLaunch
+from server.errors import InvalidFieldError, RefusedError
+from server.schemas import CommandPatch, MismatchRequest, RunRequest, StepRequest
+from server.validation import validated
+from sim.snapshot import COMMAND, Mode, command_to_record
+
+Choices = dict[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Selection:
+    """What the snapshot does not carry: the newest gains and mismatch that were asked for."""
+
+    gains: tuple[float, float] | None = None
+    mass_scale: float = 1.0
+    per_link: Mapping[str, float] | None = None
+
+
+class Operator:
+    """Acts on one control process.
+
+    Args:
+        client: handle on the control process.
+        launch: what the control process was started with.
+    """
+
+    def __init__(self, client: ControlClient, launch: ControlLaunch) -> None:
+        self.limits: CommandLimits = launch.session.pipeline.limits
+        self.selection = Selection()
+        self.started_s = time.monotonic()
+        self._client = client
+        self._launch = launch
+        self._lock = threading.Lock()
+        self._command = clip_command(DEFAULT_COMMAND, self.limits)
+        self._sequence = 0
+        self._hold()
+
+    @property
+    def client(self) -> ControlClient:
+        """Handle on the control process, for reading."""
+        return self._client
+
+    def available(self) -> Choices:
+        """Lists `controllers`, `estimators`, `scenes`, `keyframes` and `backends` (with the reason why not)."""
+        return self._client.wait_ready()
+
+    def command(self) -> tuple[Command, int]:
+        """The command as asked, within limits, and its sequence number."""
+        with self._lock:
+            return self._command, self._sequence
+
+    def patch_command(self, **fields: Any) -> tuple[Command, int]:
+        """Change the given fields of the command; answers like `command`.
+
+        Raises:
+            InvalidFieldError: names the field and its range; nothing changes.
+            RefusedError: the e-stop is latched.
+            ControlDeadError: no control process runs.
+        """
+        patch = validated(CommandPatch, {name: _plain(value) for name, value in fields.items()})
+        self._client.require_alive()
+        if self._latched():
+            raise RefusedError("the e-stop is latched; POST /api/v1/estop/clear first")
+        changes = {name: np.array(value, dtype=float) if name != "guidance" else value for name, value in patch.items()}
+        with self._lock:
+            if not changes:
+                return self._command, self._sequence
+            try:
+                self._command = clip_command(replace(self._command, **changes), self.limits)
+            except CommandError as error:
+                raise InvalidFieldError(error.field, str(error), "see the message") from None
+            self._sequence += 1
+            self._send()
+            return self._command, self._sequence
+
+    def set_drag(self, target_in_world: tuple[float, float, float] | None) -> None:
+        """Pull the hand towards a point, or let go with None.
+
+        Raises:
+            InvalidFieldError: a target that is not three finite numbers.
+        """
+        if target_in_world is None:
+            self._client.write_setpoint(drag_active=False)
+            return
+        target = np.asarray(target_in_world, dtype=float)
+        if target.shape != (3,) or not np.isfinite(target).all():
+            raise InvalidFieldError("target_in_world", "is not a point", "3 finite numbers, m")
+        self._client.write_setpoint(drag_active=True, drag_target_in_world=target)
+
+    def select_controller(self, name: str) -> None:
+        """Choose the controller."""
+        self._require_choice("controllers", name)
+        self._client.call("select_controller", SLOW_CALL_TIMEOUT_S, name=name)
+
+    def select_estimator(self, name: str, gains: tuple[float, float] | None = None) -> None:
+        """Choose the estimator, optionally with new observer gains (K1, K2)."""
+        self._require_choice("estimators", name)
+        if gains is None:
+            self._client.call("select_estimator", name=name)
+            return
+        self._client.call("select_estimator", name=name, k1=gains[0], k2=gains[1])
+        self.selection = replace(self.selection, gains=gains)
+
+    def set_mismatch(self, mass_scale: float, per_link: Mapping[str, float] | None = None) -> None:
+        """Scale the masses of the simulated robot."""
+        request = validated(MismatchRequest, {"mass_scale": mass_scale, "per_link": dict(per_link or {})})
+        self._client.call("set_mismatch", SLOW_CALL_TIMEOUT_S, **request)
+        self.selection = replace(self.selection, **request)
+
+    def set_backend(self, name: str) -> None:
+        """Choose what the pipeline drives."""
+        for backend in self.available()["backends"]:
+            if backend["name"] == name and not backend["available"]:
+                raise RefusedError(f"backend {name!r} is not available: {backend['reason']}")
+        self._client.call("set_backend", SLOW_CALL_TIMEOUT_S, name=name)
+
+    def set_scene(self, name: str) -> None:
+        """Load a scene with the robot at its start and the command at its default."""
+        self._require_choice("scenes", name)
+        self._client.call("set_scene", SLOW_CALL_TIMEOUT_S, name=name)
+        self._hold()
+
+    def set_run(self, state: Literal["running", "paused"] | None, speed: float | None) -> dict[str, Any]:
+        """Run or pause, at a speed; None leaves either as it is. Answers `{state, speed}`."""
+        if speed is not None:
+            speed = validated(RunRequest, {"state": state or "running", "speed": _plain(speed)})["speed"]
+        return self._client.call("run", state=state, speed=speed)
+
+    def step(self, ticks: int) -> dict[str, Any]:
+        """Advance a paused simulation; answers `{time_s}` when done."""
+        request = validated(StepRequest, {"ticks": _plain(ticks)})
+        return self._client.call("step", SLOW_CALL_TIMEOUT_S, **request)
+
+    def reset(self, seed: int | None = None, keyframe: str = "stand") -> None:
+        """Put the simulated robot back, and the command to its default."""
+        self._require_choice("keyframes", keyframe)
+        self._client.call("reset", SLOW_CALL_TIMEOUT_S, seed=seed, keyframe=keyframe)
+        self._hold()
+
+    def estop(self) -> dict[str, Any]:
+        """Latch the e-stop; answers `{latched, mode}` as the backend reports it."""
+        return self.submit_estop().result(SLOW_CALL_TIMEOUT_S)
+
+    def submit_estop(self) -> "Future[dict[str, Any]]":
+        """`estop` without waiting for the answer."""
+        return self._client.submit("estop")
+
+    def clear_estop(self) -> dict[str, Any]:
+        """Clear the e-stop, with the command at its default; answers `{latched, mode}`."""
+        self._hold()
+        return self._client.call("clear_estop")
+
+    def restart(self, *, force: bool) -> None:
+        """Start a fresh control process in a hold: paused, default command, same scene and selection, e-stop kept.
+
+        Raises:
+            RefusedError: one is alive and `force` is not set.
+        """
+        if self._client.alive and not force:
+            raise RefusedError('the control process is alive; send {"force": true} to replace it')
+        session = self._launch.session
+        snapshot = self._client.snapshot()
+        estopped = self._latched()
+        if snapshot is not None:
+            pipeline = replace(
+                session.pipeline, controller=snapshot["controller"].decode(), estimator=snapshot["estimator"].decode()
+            )
+            session = replace(session, scene=snapshot["scene"].decode(), pipeline=pipeline)
+        self._hold()
+        self.selection = Selection()
+        self._client.restart(session=session, estopped=estopped)
+
+    def _hold(self) -> None:
+        with self._lock:
+            self._command = clip_command(DEFAULT_COMMAND, self.limits)
+            self._sequence += 1
+            self._send()
+        self.set_drag(None)
+
+    def _send(self) -> None:
+        record = np.zeros(1, COMMAND)
+        command_to_record(self._command, record[0])
+        self._client.write_setpoint(command=record[0], sequence=self._sequence)
+
+    def _latched(self) -> bool:
+        snapshot = self._client.snapshot()
+        return snapshot is not None and snapshot["mode"] == Mode.ESTOP
+
+    def _require_choice(self, kind: str, name: str) -> None:
+        choices = self.available()[kind]
+        if name not in choices:
+            raise InvalidFieldError(
+                "name" if kind != "keyframes" else "keyframe", f"{name!r} does not exist", ", ".join(choices)
+            )
+
+
+def _plain(value: Any) -> Any:
+    """Numpy values as the lists and numbers that requests are made of."""
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    return list(value) if isinstance(value, tuple) else value

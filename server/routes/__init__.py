@@ -1,0 +1,5 @@
+"""The REST interface, one module per group of calls."""
+
+from server.routes import command, safety, selection, simulation, system, wrenches
+
+ROUTERS = (system.router, command.router, safety.router, simulation.router, selection.router, wrenches.router)

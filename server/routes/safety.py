@@ -1,0 +1,29 @@
+"""The latched e-stop. Anyone may press it."""
+
+import asyncio
+
+from fastapi import APIRouter, Response
+
+from server.control_client import CALL_TIMEOUT_S
+from server.dependencies import TheOperator
+from server.errors import ControlTimeoutError
+from server.responses import answers, json_response
+
+router = APIRouter(prefix="/api/v1/estop", tags=["safety"])
+
+
+@router.post("", responses=answers({"latched": True, "mode": "estop"}))
+async def estop(operator: TheOperator) -> Response:
+    """Latch the e-stop. The answer carries the state that the backend reports."""
+    # Not in the thread pool, where slow calls could be ahead of it.
+    try:
+        async with asyncio.timeout(CALL_TIMEOUT_S):
+            return json_response(await asyncio.wrap_future(operator.submit_estop()))
+    except TimeoutError:
+        raise ControlTimeoutError("the control process did not confirm the e-stop; cut its power") from None
+
+
+@router.post("/clear", responses=answers({"latched": False, "mode": "running"}))
+def clear(operator: TheOperator) -> Response:
+    """Clear the e-stop; the robot stands up from where it is, with the default command."""
+    return json_response(operator.clear_estop())

@@ -1,0 +1,149 @@
+"""Request bodies of the REST interface. Ranges come from control.command.CommandLimits and sim.mismatch."""
+
+from typing import Annotated, Any, Literal
+
+from pydantic import ConfigDict, Field, model_validator
+from pydantic_core import PydanticCustomError
+
+from control.command import CommandLimits
+from server.control_loop import MAX_STEPS, SPEED_RANGE
+from server.fields import Mask, Number, RequestModel, Vector
+from sim.mismatch import MASS_SCALE_RANGE
+
+LIMITS = CommandLimits()
+
+_FORCE = Vector((LIMITS.force_n,) * 3, "N")
+_POSITION = Vector((LIMITS.position_x_m, LIMITS.position_y_m, LIMITS.position_z_m), "m")
+_QUATERNION = Vector(((-1.0, 1.0),) * 4)
+_VELOCITY = Vector((LIMITS.velocity_x_mps, LIMITS.velocity_y_mps, LIMITS.yaw_rate_rps), "m/s, m/s, rad/s")
+_ANY_FORCE = Vector(((-200.0, 200.0),) * 3, "N")
+_ANY_TORQUE = Vector(((-50.0, 50.0),) * 3, "N m")
+_ANY_POINT = Vector(((-2.0, 2.0),) * 3, "m")
+_DURATION = Number((0.002, 600.0), "s")
+_GAIN = Number((0.1, 1000.0))
+_SEED = Number((0, 2**31 - 1))
+
+Name = Annotated[str, Field(min_length=1, max_length=64)]
+
+
+def _examples(*bodies: dict[str, Any]) -> ConfigDict:
+    return ConfigDict(json_schema_extra={"examples": list(bodies)})
+
+
+class CommandPatch(RequestModel):
+    """Any subset of the full command: heading frame, forces of the environment on the robot."""
+
+    model_config = _examples({"mask": [0, 0, 1], "force_n": [0, 0, 20]}, {"base_velocity": [0.3, 0, 0]})
+
+    mask: Annotated[list[int], Mask()] = Field(default_factory=list)
+    force_n: Annotated[list[float], _FORCE] = Field(default_factory=list)
+    position_m: Annotated[list[float], _POSITION] = Field(default_factory=list)
+    orientation_wxyz: Annotated[list[float], _QUATERNION] = Field(default_factory=list)
+    base_velocity: Annotated[list[float], _VELOCITY] = Field(default_factory=list)
+    guidance: bool = Field(default_factory=bool, description="zero-force guidance: the robot follows the hand")
+
+
+class RunRequest(RequestModel):
+    """Run or pause the simulation, optionally at another speed."""
+
+    model_config = _examples({"state": "running", "speed": 1.0}, {"state": "paused"})
+
+    state: Literal["running", "paused"]
+    speed: Annotated[float, Number(SPEED_RANGE)] = Field(default_factory=float, description="simulated over wall-clock time")
+
+
+class StepRequest(RequestModel):
+    """Advance a paused simulation by ticks of 2 ms."""
+
+    model_config = _examples({"ticks": 10})
+
+    ticks: Annotated[int, Number((1, MAX_STEPS), "ticks")]
+
+
+class ResetRequest(RequestModel):
+    """Put the simulated robot back."""
+
+    model_config = _examples({"seed": 7, "keyframe": "stand"}, {})
+
+    seed: Annotated[int, _SEED] = Field(default_factory=int, description="of the sensors' errors; left out: as before")
+    keyframe: Name = "stand"
+
+
+class RestartRequest(RequestModel):
+    """Start a fresh control process."""
+
+    model_config = _examples({}, {"force": True})
+
+    force: bool = False
+
+
+class BackendRequest(RequestModel):
+    """Choose what the pipeline drives."""
+
+    model_config = _examples({"name": "simulation", "options": {}})
+
+    name: Literal["simulation", "hardware"]
+    options: dict[str, str] = Field(default_factory=dict)
+
+
+class NameRequest(RequestModel):
+    """Choose by name."""
+
+    name: Name
+
+
+class SceneRequest(NameRequest):
+    """Choose the scene."""
+
+    model_config = _examples({"name": "free"})
+
+
+class ControllerRequest(NameRequest):
+    """Choose the controller."""
+
+    model_config = _examples({"name": "model_based"})
+
+
+class Gains(RequestModel):
+    """Gains of the generalized momentum observer."""
+
+    k1: Annotated[float, _GAIN]
+    k2: Annotated[float, _GAIN]
+
+
+class EstimatorRequest(NameRequest):
+    """Choose the force estimator, optionally with new observer gains."""
+
+    model_config = _examples({"name": "adaptive"}, {"name": "gmo_cqp", "gains": {"k1": 6.0, "k2": 20.0}})
+
+    gains: Gains = Field(default_factory=lambda: Gains(k1=1.0, k2=1.0))
+
+
+class MismatchRequest(RequestModel):
+    """Scale the masses of the simulated robot; the estimator is not told."""
+
+    model_config = _examples({"mass_scale": 1.2}, {"mass_scale": 1.0, "per_link": {"base": 1.3}})
+
+    mass_scale: Annotated[float, Number(MASS_SCALE_RANGE)]
+    per_link: dict[Name, Annotated[float, Number(MASS_SCALE_RANGE)]] = Field(default_factory=dict)
+
+
+class WrenchRequest(RequestModel):
+    """An exact wrench on a simulated body; expires by itself."""
+
+    model_config = _examples({"force_n": [0, 0, -20], "frame": "heading", "duration_s": 2.0, "ramp_s": 0.2})
+
+    force_n: Annotated[list[float], _ANY_FORCE]
+    torque_nm: Annotated[list[float], _ANY_TORQUE] = Field(default=[0.0, 0.0, 0.0])
+    point_m: Annotated[list[float], _ANY_POINT] = Field(default=[0.0, 0.0, 0.0], description="in the body's frame")
+    body: Name = "end_effector"
+    frame: Literal["world", "heading", "body"]
+    duration_s: Annotated[float, _DURATION]
+    ramp_s: Annotated[float, Number((0.0, 300.0), "s")] = 0.0
+
+    @model_validator(mode="after")
+    def _ramps_fit(self) -> "WrenchRequest":
+        if self.ramp_s > 0.5 * self.duration_s:
+            allowed = f"0 to half of duration_s, {0.5 * self.duration_s:g} s"
+            raise PydanticCustomError("refused", "is too long", {"field": "ramp_s", "allowed": allowed})
+        return self

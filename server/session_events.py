@@ -1,0 +1,84 @@
+"""Edge events that act on the session, by name: what each one calls and what it answers."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from server.messages import Outcome
+from sim.backends.mujoco_backend import KEYFRAMES
+from sim.backends.protocol import BackendError
+from sim.scenes import SCENE_NAMES
+from sim.session import Session, SessionError
+
+SLOW_EVENTS = frozenset({"reset", "set_scene", "set_backend", "select_controller", "set_mismatch"})
+"""Known to take longer than a tick; the loop excuses them."""
+
+
+class EventError(Exception):
+    """An event that was not carried out."""
+
+    def __init__(self, outcome: Outcome, message: str) -> None:
+        super().__init__(message)
+        self.outcome = outcome
+
+
+def describe(session: Session) -> dict[str, Any]:
+    """What can be selected, for pages and error messages."""
+    return {
+        "controllers": list(session.pipeline.controller_names),
+        "estimators": list(session.pipeline.estimator_names),
+        "scenes": list(SCENE_NAMES),
+        "keyframes": list(KEYFRAMES),
+        "backends": [
+            {"name": "simulation", "available": True, "reason": None},
+            {"name": "hardware", "available": False, "reason": "no hardware backend is installed yet"},
+        ],
+    }
+
+
+class SessionEvents:
+    """Carries out events on one session, between two ticks."""
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+        self._handlers: Mapping[str, Callable[..., Any]] = {
+            "reset": session.reset,
+            "set_scene": session.set_scene,
+            "set_backend": session.set_backend,
+            "select_controller": session.select_controller,
+            "select_estimator": session.select_estimator,
+            "set_mismatch": session.set_mismatch,
+            "estop": session.estop,
+            "clear_estop": session.clear_estop,
+            "add_wrench": session.add_wrench,
+            "list_wrenches": self._list_wrenches,
+            "remove_wrench": session.remove_wrench,
+        }
+
+    def carry_out(self, name: str, arguments: dict[str, Any]) -> Any:
+        """Call the session.
+
+        Raises:
+            EventError: refused or invalid; the message says why and what to do.
+        """
+        handler = self._handlers[name]
+        try:
+            return handler(**arguments)
+        except (SessionError, BackendError) as error:
+            raise EventError(Outcome.REFUSED, str(error)) from error
+        except ValueError as error:
+            raise EventError(Outcome.INVALID, str(error)) from error
+        except KeyError as error:
+            raise EventError(Outcome.MISSING, str(error.args[0])) from error
+
+    def _list_wrenches(self) -> list[dict[str, Any]]:
+        return [
+            {"id": active.id, "remaining_s": active.remaining_s, **_plain(asdict(active.source))}  # pyright: ignore[reportArgumentType]
+            for active in self._session.list_wrenches()
+        ]
+
+
+def _plain(fields: dict[str, Any]) -> dict[str, Any]:
+    return {name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in fields.items()}

@@ -1,0 +1,86 @@
+"""Viser behind our own port: its page at `/viser/`, and its websocket relayed to the loopback server.
+
+Viser's client derives the socket's address from the page's, so the page at `/viser/` connects to `/viser`.
+"""
+
+import asyncio
+import gzip
+import logging
+from functools import cache
+
+import websockets
+from fastapi import APIRouter, Request, Response, WebSocket
+from websockets.asyncio.client import ClientConnection
+from websockets.exceptions import ConnectionClosed
+from websockets.typing import Subprotocol
+
+from web.viser_page import viser_page
+
+PUBLIC_TUNNEL = b"ShareUrlRequest"
+"""Type of the message by which any Viser client may have the server publish itself on the Internet."""
+
+router = APIRouter()
+
+_log = logging.getLogger(__name__)
+
+
+@cache
+def _compressed_page() -> bytes:
+    return gzip.compress(viser_page(), compresslevel=6)
+
+
+@router.get("/viser/", include_in_schema=False)
+def page(request: Request) -> Response:
+    """Viser's client. Not cached for long: it must match the installed server's version."""
+    headers = {"Cache-Control": "no-cache", "Vary": "Accept-Encoding"}
+    if "gzip" in request.headers.get("accept-encoding", ""):
+        return Response(_compressed_page(), media_type="text/html", headers={**headers, "Content-Encoding": "gzip"})
+    return Response(viser_page(), media_type="text/html", headers=headers)
+
+
+@router.websocket("/viser")
+async def relay(socket: WebSocket) -> None:
+    """Copy messages both ways until either side ends. Waiting for a slow browser stops reading, so Viser culls."""
+    port: int = socket.app.state.viser_port
+    protocols = [Subprotocol(name) for name in socket.scope.get("subprotocols", [])]
+    try:
+        upstream = await websockets.connect(
+            f"ws://127.0.0.1:{port}",
+            subprotocols=protocols or None,
+            max_size=None,
+            compression=None,
+            ping_interval=None,
+            proxy=None,
+        )
+    except (OSError, websockets.WebSocketException) as error:
+        _log.warning("the 3-D scene's server does not answer: %s", error)
+        await socket.close(1011)
+        return
+    async with upstream:
+        await socket.accept(subprotocol=upstream.subprotocol)
+        copies = [asyncio.create_task(_to_viser(socket, upstream)), asyncio.create_task(_to_browser(upstream, socket))]
+        _, running = await asyncio.wait(copies, return_when=asyncio.FIRST_COMPLETED)
+        for task in running:
+            task.cancel()
+        await asyncio.gather(*copies, return_exceptions=True)
+
+
+async def _to_viser(socket: WebSocket, upstream: ClientConnection) -> None:
+    while (message := await socket.receive())["type"] != "websocket.disconnect":
+        data = message.get("bytes")
+        if data is not None and PUBLIC_TUNNEL in data:
+            _log.warning("a browser asked Viser for a public tunnel to this robot; refused")
+            continue
+        try:
+            await upstream.send(message["text"] if data is None else data)
+        except ConnectionClosed:
+            return
+
+
+async def _to_browser(upstream: ClientConnection, socket: WebSocket) -> None:
+    async for message in upstream:
+        if isinstance(message, str):
+            await socket.send_text(message)
+        else:
+            await socket.send_bytes(message)
+    await socket.close()

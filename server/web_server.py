@@ -1,0 +1,80 @@
+"""The web process' two servers: the 3-D scene on loopback, and uvicorn with everything that browsers reach."""
+
+import contextlib
+import io
+import os
+import socket
+import sys
+import threading
+import webbrowser
+from collections.abc import Callable
+
+import uvicorn
+from fastapi import FastAPI
+
+from server.app import create_app
+from server.config import ServerConfig
+from server.operator import Operator
+from server.websocket_protocol import ShallowWebSocketProtocol
+from web.console import Console
+
+PING_S = 2.0
+"""A browser that vanished without a word is noticed after at most twice this time."""
+
+MAX_MESSAGE_BYTES = 64 * 2**20
+
+
+def run_web_server(config: ServerConfig, listener: socket.socket, operator: Operator, announce: Callable[[str], None]) -> None:
+    """Serve on `listener` until interrupted; see server.runner.serve."""
+    operator.client.wait_ready()
+    with contextlib.redirect_stdout(io.StringIO()):  # Viser announces its own address, which is not the one to open
+        console = Console(operator, operator.client.live_snapshot)
+    console.start()
+    try:
+        app = create_app(operator, viser_port=console.port, token=config.token)
+        address = page_address(config, listener)
+        server = _Server(uvicorn_config(app), lambda: _open_page(config, address, announce))
+        server.run(sockets=[listener])
+    finally:
+        with contextlib.redirect_stdout(io.StringIO()):
+            console.stop()
+
+
+def uvicorn_config(app: FastAPI) -> uvicorn.Config:
+    """How uvicorn serves the application."""
+    return uvicorn.Config(
+        app,
+        log_level="warning",
+        access_log=False,
+        ws=ShallowWebSocketProtocol,
+        ws_max_size=MAX_MESSAGE_BYTES,
+        ws_per_message_deflate=False,
+        ws_ping_interval=PING_S,
+        ws_ping_timeout=PING_S,
+        timeout_graceful_shutdown=1,
+    )
+
+
+def page_address(config: ServerConfig, listener: socket.socket) -> str:
+    """Address of the page for a browser on this machine."""
+    host = {"0.0.0.0": "127.0.0.1", "::": "::1"}.get(config.host, config.host)
+    host = f"[{host}]" if ":" in host else host
+    query = "" if config.token is None else f"?token={config.token}"
+    return f"http://{host}:{listener.getsockname()[1]}/{query}"
+
+
+class _Server(uvicorn.Server):
+    def __init__(self, config: uvicorn.Config, on_started: Callable[[], None]) -> None:
+        super().__init__(config)
+        self._on_started = on_started
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        await super().startup(sockets)
+        self._on_started()
+
+
+def _open_page(config: ServerConfig, address: str, announce: Callable[[str], None]) -> None:
+    announce(address)
+    display = sys.platform in ("darwin", "win32") or any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY"))
+    if config.open_browser and display:
+        threading.Thread(target=webbrowser.open, args=(address,), name="open-browser", daemon=True).start()

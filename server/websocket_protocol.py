@@ -1,0 +1,31 @@
+"""uvicorn's websocket protocol with small send buffers, so that a slow reader skips snapshots instead of queueing them.
+
+A reader of the stream may also be slow to answer pings; only the sockets that operate the robot must answer at once.
+"""
+
+import socket
+from asyncio import BaseTransport, Transport
+from typing import cast
+
+from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
+from websockets.http11 import Request
+
+SEND_BUFFER_BYTES = 16 * 1024
+READER_PATH = "/api/v1/stream"
+READER_PING_TIMEOUT_S = 60.0
+
+
+class ShallowWebSocketProtocol(WebSocketsSansIOProtocol):
+    """Sending waits once `SEND_BUFFER_BYTES` are neither sent nor received."""
+
+    def connection_made(self, transport: BaseTransport) -> None:
+        super().connection_made(transport)
+        cast(Transport, transport).set_write_buffer_limits(high=SEND_BUFFER_BYTES)
+        connection = transport.get_extra_info("socket")
+        if connection is not None and hasattr(socket, "TCP_NOTSENT_LOWAT"):
+            connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NOTSENT_LOWAT, SEND_BUFFER_BYTES)
+
+    def handle_connect(self, event: Request) -> None:
+        if event.path.partition("?")[0] == READER_PATH:
+            self.ping_timeout = READER_PING_TIMEOUT_S
+        super().handle_connect(event)

@@ -1,0 +1,98 @@
+"""A session that does nothing but count, for tests of the loop and of the processes around it."""
+
+import os
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from control.command import DEFAULT_COMMAND
+from sim.backends.protocol import BackendError
+from sim.session import SessionConfig, SessionError
+from sim.snapshot import Mode, command_from_record
+
+
+class FakeSession:
+    """Ticks add 2 ms; scene "broken" makes the next tick fail; controller "suicide" ends the process."""
+
+    def __init__(self, config: SessionConfig | None = None) -> None:
+        self.config = config or SessionConfig()
+        self.time_s = 0.0
+        self.ticks = 0
+        self.ages_s: list[float] = []
+        self.calls: list[tuple[Any, ...]] = []
+        self.scene = self.config.scene
+        self.latched = False
+        self.pipeline = SimpleNamespace(controller_names=("model_based",), estimator_names=("adaptive",))
+        self.backend = SimpleNamespace(close=lambda: None)
+        self.command_sequence = 0
+        self.command = DEFAULT_COMMAND
+
+    @property
+    def mode(self) -> Mode:
+        return Mode.ESTOP if self.latched else Mode.RUNNING
+
+    def tick_setpoint(self, setpoint: np.void, age_s: float) -> None:
+        if self.scene == "broken":
+            raise BackendError("the simulation diverged; reset it")
+        self.ticks += 1
+        self.time_s += 0.002
+        self.ages_s = [*self.ages_s[-9:], age_s]
+        self.command_sequence = int(setpoint["sequence"])
+        self.command = command_from_record(setpoint["command"])
+
+    def track_errors(self, interval_s: float) -> None:
+        self.calls.append(("track_errors", interval_s))
+
+    def fill(self, record: np.void) -> None:
+        record["time_s"] = self.time_s
+        record["mode"] = self.mode
+        record["scene"] = self.scene
+        record["controller"] = "model_based"
+        record["estimator"] = "adaptive"
+        record["command_sequence"] = self.command_sequence
+
+    def reset(self, seed: int | None = None, keyframe: str = "stand") -> None:
+        self.calls.append(("reset", seed, keyframe))
+        self.time_s = 0.0
+        self.scene = "free"
+
+    def set_scene(self, name: str) -> None:
+        self.scene = name
+
+    def set_backend(self, name: str) -> None:
+        raise SessionError(f"backend {name!r} is not available")
+
+    def select_controller(self, name: str) -> None:
+        if name == "suicide":
+            os._exit(3)
+        raise RuntimeError("a defect")
+
+    def select_estimator(self, name: str, k1: float | None = None, k2: float | None = None) -> None:
+        raise ValueError(f"unknown estimator {name!r}")
+
+    def set_mismatch(self, mass_scale: float, per_link: dict[str, float] | None = None) -> None:
+        self.calls.append(("set_mismatch", mass_scale, per_link))
+
+    def estop(self) -> None:
+        self.calls.append(("estop",))
+        self.latched = True
+
+    def clear_estop(self) -> None:
+        self.calls.append(("clear_estop",))
+        self.latched = False
+
+    def add_wrench(self, **spec: Any) -> int:
+        self.calls.append(("add_wrench", spec))
+        return 1
+
+    def list_wrenches(self) -> tuple[Any, ...]:
+        return ()
+
+    def remove_wrench(self, key: int) -> None:
+        raise KeyError(f"wrench {key} is not at work")
+
+
+def failing_session(config: SessionConfig) -> FakeSession:
+    """Like a session whose robot cannot be reached."""
+    raise BackendError("no robot answers; switch it on")

@@ -1,0 +1,232 @@
+"""The loop, one turn at a time, around a session that only counts."""
+
+import multiprocessing
+import time
+from collections.abc import Callable
+from multiprocessing.connection import Connection
+from typing import Any
+
+import numpy as np
+import pytest
+from fake_session import FakeSession
+
+from control.command import DEFAULT_COMMAND
+from server import shared_record
+from server.control_loop import PUBLISH_EVERY, ControlLoop
+from server.messages import Close, Event, Outcome, Reply
+from server.pacing import Pacer
+from server.shared_record import SharedRecord
+from sim.snapshot import SETPOINT, SNAPSHOT, Mode
+
+CONTEXT = multiprocessing.get_context("spawn")
+
+
+class Bench:
+    """A loop with both ends of everything it is connected to."""
+
+    def __init__(self, *, paused: bool = False, state: SharedRecord | None = None) -> None:
+        self.session = FakeSession()
+        self.state = state or SharedRecord(shared_record.allocate(CONTEXT, SNAPSHOT), SNAPSHOT)
+        self.setpoints = SharedRecord(shared_record.allocate(CONTEXT, SETPOINT), SETPOINT)
+        self.pipe, theirs = CONTEXT.Pipe()
+        self.theirs: Connection = theirs
+        self.loop = ControlLoop(
+            self.session,  # pyright: ignore[reportArgumentType]
+            self.state,
+            self.setpoints,
+            theirs,
+            Pacer(0.002, lambda: 0.0, lambda _: None),
+            paused=paused,
+            realtime=False,
+        )
+
+    def turn(self, count: int = 1) -> None:
+        for _ in range(count):
+            self.loop.turn()
+
+    def send(self, event: str, /, event_id: int = 1, **arguments: Any) -> None:
+        self.pipe.send(Event(event_id, event, arguments))
+
+    def reply(self) -> Reply:
+        assert self.pipe.poll(1.0)
+        return self.pipe.recv()
+
+    def ask(self, event: str, /, **arguments: Any) -> Reply:
+        self.send(event, **arguments)
+        self.turn()
+        return self.reply()
+
+    @property
+    def snapshot(self) -> np.void:
+        record = self.state.read()
+        assert record is not None
+        return record[0]
+
+
+@pytest.fixture
+def bench() -> Bench:
+    bench = Bench()
+    bench.turn()
+    return bench
+
+
+@pytest.fixture
+def paused() -> Bench:
+    bench = Bench(paused=True)
+    bench.turn(3)
+    return bench
+
+
+def test_a_hold_makes_the_one_tick_that_gives_it_something_to_show(paused: Bench) -> None:
+    assert paused.session.ticks == 1
+    assert paused.snapshot["mode"] == Mode.PAUSED
+
+
+def test_running_publishes_at_a_fixed_fraction_of_the_ticks(bench: Bench) -> None:
+    before = int(bench.snapshot["sequence"])
+    bench.turn(10 * PUBLISH_EVERY)
+    assert int(bench.snapshot["sequence"]) - before == 10
+    assert bench.session.ticks == 1 + 10 * PUBLISH_EVERY
+
+
+def test_pause_stops_time_and_run_goes_on(bench: Bench) -> None:
+    assert bench.ask("run", state="paused", speed=None).value == {"state": "paused", "speed": 1.0}
+    stopped = bench.session.ticks
+    bench.turn(20)
+    assert bench.session.ticks == stopped
+    assert bench.ask("run", state="running", speed=2.0).value == {"state": "running", "speed": 2.0}
+    assert bench.session.ticks == stopped + 1
+    assert bench.snapshot["speed"] == 2.0
+
+
+def test_speed_alone_leaves_a_pause_alone(paused: Bench) -> None:
+    assert paused.ask("run", state=None, speed=0.5).value == {"state": "paused", "speed": 0.5}
+
+
+def test_a_step_makes_exactly_its_ticks_and_answers_when_they_are_done(paused: Bench) -> None:
+    before = paused.session.ticks
+    paused.send("step", ticks=7)
+    paused.turn(6)
+    assert not paused.pipe.poll()
+    paused.turn()
+    assert paused.reply().value == {"time_s": pytest.approx(0.016)}
+    assert paused.snapshot["time_s"] == pytest.approx(0.016)
+    paused.turn(5)
+    assert paused.session.ticks == before + 7
+
+
+def test_a_step_is_refused_while_running_and_says_what_to_do(bench: Bench) -> None:
+    reply = bench.ask("step", ticks=1)
+    assert reply.outcome is Outcome.REFUSED
+    assert "paused" in reply.value
+
+
+def test_a_second_step_is_refused_while_one_is_under_way(paused: Bench) -> None:
+    paused.send("step", ticks=3)
+    paused.turn()
+    reply = paused.ask("step", ticks=1)
+    assert reply.outcome is Outcome.REFUSED
+
+
+def test_running_ends_a_step(paused: Bench) -> None:
+    paused.send("step", event_id=5, ticks=100)
+    paused.turn()
+    paused.send("run", event_id=6, state="running", speed=None)
+    paused.turn()
+    replies = {reply.id: reply for reply in (paused.reply(), paused.reply())}
+    assert replies[5].outcome is Outcome.REFUSED
+    assert replies[6].outcome is Outcome.DONE
+
+
+def test_the_estop_overtakes_whatever_waits_and_answers_what_is_reported(paused: Bench) -> None:
+    paused.send("reset", event_id=1, seed=None, keyframe="stand")
+    paused.send("estop", event_id=2)
+    paused.turn()
+    assert [call[0] for call in paused.session.calls if call[0] != "track_errors"] == ["estop", "reset"]
+    first = paused.reply()
+    assert first == Reply(2, Outcome.DONE, {"latched": True, "mode": "estop"})
+    assert paused.snapshot["mode"] == Mode.ESTOP
+
+
+def test_clearing_the_estop_in_a_hold_answers_the_hold(paused: Bench) -> None:
+    paused.ask("estop")
+    assert paused.ask("clear_estop").value == {"latched": False, "mode": "paused"}
+
+
+def test_whoever_has_a_reply_also_sees_its_effect(bench: Bench) -> None:
+    bench.ask("set_scene", name="box")
+    assert bench.snapshot["scene"] == b"box"
+
+
+@pytest.mark.parametrize(
+    ("name", "arguments", "outcome", "said"),
+    [
+        ("set_backend", {"name": "hardware"}, Outcome.REFUSED, "not available"),
+        ("select_estimator", {"name": "x"}, Outcome.INVALID, "unknown estimator"),
+        ("remove_wrench", {"key": 9}, Outcome.MISSING, "not at work"),
+        ("select_controller", {"name": "x"}, Outcome.FAILED, "a defect"),
+        ("no_such_event", {}, Outcome.FAILED, "no_such_event"),
+    ],
+)
+def test_every_kind_of_error_is_answered_and_the_loop_goes_on(
+    bench: Bench, name: str, arguments: dict[str, Any], outcome: Outcome, said: str
+) -> None:
+    reply = bench.ask(name, **arguments)
+    assert reply.outcome is outcome
+    assert said in reply.value
+    before = bench.session.ticks
+    bench.turn(3)
+    assert bench.session.ticks == before + 3
+
+
+def test_a_failed_backend_is_a_fault_until_a_reset(bench: Bench) -> None:
+    bench.ask("set_scene", name="broken")
+    bench.turn(3)
+    assert bench.snapshot["mode"] == Mode.FAULT
+    refused = bench.ask("run", state="running", speed=None)
+    assert refused.outcome is Outcome.REFUSED
+    assert "diverged" in refused.value
+    assert bench.ask("reset", seed=1, keyframe="stand").outcome is Outcome.DONE
+    assert bench.snapshot["mode"] == Mode.RUNNING
+
+
+def test_a_changed_set_point_is_taken_at_once_with_its_age(bench: Bench) -> None:
+    setpoint = np.zeros(1, SETPOINT)
+    setpoint[0]["sequence"] = 5
+    setpoint[0]["heartbeat_wall_time_s"] = time.time() - 10.0
+    bench.setpoints.write(setpoint)
+    bench.turn()
+    assert bench.snapshot["command_sequence"] == 5
+    assert bench.session.ages_s[-1] == pytest.approx(10.0, abs=5.0)
+
+
+def test_without_any_set_point_the_default_command_holds_and_the_operator_was_never_heard(bench: Bench) -> None:
+    assert bench.session.ages_s[-1] > 1e6
+    assert bench.session.command.position_m.tolist() == DEFAULT_COMMAND.position_m.tolist()
+
+
+def test_snapshot_numbers_go_on_after_a_restart(bench: Bench) -> None:
+    last = int(bench.snapshot["sequence"])
+    again = Bench(state=bench.state)
+    again.turn()
+    assert int(again.snapshot["sequence"]) == last + 1
+
+
+def test_live_errors_are_tracked_at_50_hz(bench: Bench) -> None:
+    bench.session.calls.clear()
+    bench.turn(100)
+    assert [call for call in bench.session.calls if call[0] == "track_errors"] == [("track_errors", 0.02)] * 10
+
+
+def close_politely(bench: Bench) -> None:
+    bench.pipe.send(Close())
+
+
+def vanish(bench: Bench) -> None:
+    bench.pipe.close()
+
+
+@pytest.mark.parametrize("end", [close_politely, vanish])
+def test_the_loop_ends_with_its_web_process(bench: Bench, end: Callable[[Bench], None]) -> None:
+    end(bench)
+    bench.loop.run()

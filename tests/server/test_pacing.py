@@ -1,0 +1,124 @@
+"""Arithmetic of the schedule with a clock that only the test moves."""
+
+import pytest
+
+from server.pacing import STATISTICS_EVERY, Pacer
+
+PERIOD_S = 0.002
+
+
+class Clock:
+    """Time that passes only by `advance` and `sleep`."""
+
+    def __init__(self) -> None:
+        self.now_s = 100.0
+        self.slept_s: list[float] = []
+
+    def __call__(self) -> float:
+        return self.now_s
+
+    def sleep(self, seconds: float) -> None:
+        self.slept_s.append(seconds)
+        self.now_s += seconds
+
+    def advance(self, seconds: float) -> None:
+        self.now_s += seconds
+
+
+@pytest.fixture
+def clock() -> Clock:
+    return Clock()
+
+
+@pytest.fixture
+def pacer(clock: Clock) -> Pacer:
+    return Pacer(PERIOD_S, clock, clock.sleep)
+
+
+def run_ticks(pacer: Pacer, clock: Clock, count: int, work_s: float, simulated_s: float = 0.0) -> float:
+    for _ in range(count):
+        pacer.wait()
+        clock.advance(work_s)
+        simulated_s += PERIOD_S
+        pacer.finish(simulated_s)
+    return simulated_s
+
+
+def test_ticks_start_one_period_apart_whatever_the_work_takes(pacer: Pacer, clock: Clock) -> None:
+    start = clock.now_s
+    for index, work in enumerate([0.0005, 0.0015, 0.0001, 0.0019]):
+        pacer.wait()
+        assert clock.now_s == pytest.approx(start + index * PERIOD_S)
+        clock.advance(work)
+        pacer.finish(0.0)
+    assert pacer.statistics().overruns == 0
+
+
+def test_a_missed_deadline_is_one_overrun_and_the_schedule_stays(pacer: Pacer, clock: Clock) -> None:
+    start = clock.now_s
+    run_ticks(pacer, clock, 1, 0.003)
+    run_ticks(pacer, clock, 3, 0.0005)
+    pacer.wait()
+    assert clock.now_s == pytest.approx(start + 4 * PERIOD_S)
+    assert pacer.statistics().overruns == 1
+    assert pacer.statistics().rebases == 0
+
+
+def test_falling_far_behind_drops_the_lost_time_and_says_so(pacer: Pacer, clock: Clock) -> None:
+    run_ticks(pacer, clock, 1, 0.25)
+    resumed = clock.now_s
+    run_ticks(pacer, clock, 3, 0.0005)
+    pacer.wait()
+    assert clock.now_s == pytest.approx(resumed + 3 * PERIOD_S)
+    assert pacer.statistics().rebases == 1
+
+
+def test_excused_work_is_neither_overrun_nor_lateness_but_is_noted(pacer: Pacer, clock: Clock) -> None:
+    run_ticks(pacer, clock, STATISTICS_EVERY - 1, 0.0005)
+    pacer.wait()
+    clock.advance(0.8)
+    pacer.excuse()
+    clock.advance(0.0005)
+    pacer.finish(0.0)
+    statistics = pacer.statistics()
+    assert (statistics.overruns, statistics.rebases) == (0, 0)
+    assert statistics.held_s == pytest.approx(0.8)
+    assert statistics.lateness_p99_ms == pytest.approx(0.0, abs=1e-6)
+    assert statistics.tick_median_us == pytest.approx(500.0)
+
+
+def test_lateness_and_duration_are_quantiles_of_a_window(pacer: Pacer, clock: Clock) -> None:
+    run_ticks(pacer, clock, STATISTICS_EVERY - 10, 0.0005)
+    for _ in range(5):
+        pacer.wait()
+        clock.advance(0.0030)  # makes the next tick 1 ms late
+        pacer.finish(0.0)
+        pacer.wait()
+        clock.advance(0.0005)
+        pacer.finish(0.0)
+    assert pacer.statistics().lateness_p99_ms == pytest.approx(1.0)
+    assert pacer.statistics().tick_median_us == pytest.approx(500.0)
+
+
+@pytest.mark.parametrize("speed", [0.1, 1.0, 4.0])
+def test_real_time_factor_is_the_speed_when_deadlines_hold(clock: Clock, speed: float) -> None:
+    pacer = Pacer(PERIOD_S / speed, clock, clock.sleep)
+    run_ticks(pacer, clock, 1000, 0.0002)
+    statistics = pacer.statistics()
+    assert statistics.real_time_factor == pytest.approx(speed)
+    assert statistics.rate_hz == pytest.approx(500.0 * speed)
+
+
+def test_a_loop_that_cannot_keep_up_shows_it_and_still_yields(pacer: Pacer, clock: Clock) -> None:
+    run_ticks(pacer, clock, 2000, 0.004)
+    statistics = pacer.statistics()
+    assert statistics.real_time_factor == pytest.approx(0.5, rel=0.02)
+    assert statistics.overruns == 2000
+    assert statistics.rebases > 10
+    assert len(clock.slept_s) > 100
+
+
+def test_real_time_factor_starts_anew_when_the_simulated_time_is_reset(pacer: Pacer, clock: Clock) -> None:
+    run_ticks(pacer, clock, 1000, 0.0005)
+    run_ticks(pacer, clock, 100, 0.0005, simulated_s=0.0)
+    assert pacer.statistics().real_time_factor == pytest.approx(1.0)
