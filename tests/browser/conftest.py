@@ -1,0 +1,135 @@
+"""A real browser on a real console.
+
+Skipped, saying so, where there is no Chromium; with CI=true its absence is a failure. Software rendering manages a few
+frames per second, so tests wait for conditions, mostly of the REST state, and never for a time.
+"""
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from types import FrameType
+
+import pytest
+from console_page import PATIENCE_S, Api, Client, Server
+from playwright.sync_api import Browser, Page, ViewportSize, sync_playwright
+from tcp_proxy import TcpProxy
+
+ROOT = Path(__file__).resolve().parents[2]
+VIEWPORT: ViewportSize = {"width": 1280, "height": 800}
+SMALL: ViewportSize = {"width": 1000, "height": 600}
+HANG_S = 240
+BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
+FLAGS = ("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-background-networking")
+
+
+@pytest.fixture(autouse=True)
+def no_test_hangs() -> Iterator[None]:
+    """A browser that stops answering fails the test: mouse and script calls have no time limit of their own."""
+
+    def give_up(_signal: int, _frame: FrameType | None) -> None:
+        raise TimeoutError(f"the browser did not answer within {HANG_S} s")
+
+    previous = signal.signal(signal.SIGALRM, give_up)
+    signal.alarm(HANG_S)
+    yield
+    signal.alarm(0)
+    signal.signal(signal.SIGALRM, previous)
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Browser]:
+    executable = next(filter(None, map(shutil.which, BROWSERS)), None)
+    if executable is None:
+        message = f"no Chromium found (looked for {', '.join(BROWSERS)}); install one to run the browser tests"
+        if os.environ.get("CI") == "true":
+            pytest.fail(message)
+        pytest.skip(message)
+    with sync_playwright() as playwright:
+        chromium = playwright.chromium.launch(executable_path=executable, args=list(FLAGS))
+        yield chromium
+        chromium.close()
+
+
+@pytest.fixture(scope="session")
+def server(browser: Browser) -> Iterator[Server]:
+    command = [sys.executable, "-m", "server", "--no-browser", "--port", "0"]
+    environment = os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "PYTHONUNBUFFERED": "1"}
+    process = subprocess.Popen(command, cwd=ROOT, env=environment, stdout=subprocess.PIPE, text=True)
+    assert process.stdout is not None
+    address = next((line.split()[-1].rstrip("/") for line in process.stdout if line.startswith("Forcelens is at")), None)
+    assert address is not None, f"the server ended with status {process.wait()}"
+    yield Server(process, Api(address))
+    process.terminate()
+    process.wait(timeout=20.0)
+
+
+@pytest.fixture
+def api(server: Server) -> Api:
+    """The REST interface of a running, freshly reset simulation."""
+    api = server.api
+    if api.state()["mode"] == "estop":
+        api.call("POST", "estop/clear")
+    api.call("POST", "reset", {})
+    api.call("POST", "run", {"state": "running", "speed": 1.0})
+    api.until(lambda state: state["mode"] == "running" and state["time_s"] > 0.2, "the robot stands")
+    return api
+
+
+@pytest.fixture(scope="session")
+def open_client(server: Server, browser: Browser) -> Iterator[Callable[[str], Client]]:
+    """Opens pages and closes them in the end. Opening one takes seconds, so tests share them."""
+    pages: list[Page] = []
+
+    def open_page(address: str) -> Client:
+        page = browser.new_page(viewport=VIEWPORT)
+        page.set_default_timeout(1000.0 * PATIENCE_S)
+        pages.append(page)
+        client = Client(page)
+        client.open(address)
+        return client
+
+    yield open_page
+    for page in pages:
+        page.close()
+
+
+@pytest.fixture(scope="session")
+def first_client(server: Server, open_client: Callable[[str], Client]) -> Client:
+    return open_client(server.api.address)
+
+
+@pytest.fixture
+def client(first_client: Client, api: Api) -> Client:
+    """A page whose scene rests."""
+    return first_client
+
+
+@pytest.fixture
+def drawing_client(first_client: Client, api: Api) -> Iterator[Client]:
+    """The same page, with its scene drawing, small because drawing is slow."""
+    first_client.page.set_viewport_size(SMALL)
+    first_client.render(True)
+    yield first_client
+    first_client.render(False)
+    first_client.page.set_viewport_size(VIEWPORT)
+
+
+@pytest.fixture(scope="module")
+def proxy(server: Server) -> Iterator[TcpProxy]:
+    """A way to the server that a test can cut."""
+    with TcpProxy(int(server.api.address.rsplit(":", 1)[1])) as proxy:
+        yield proxy
+
+
+@pytest.fixture(scope="module")
+def second_client(proxy: TcpProxy, open_client: Callable[[str], Client]) -> Iterator[Client]:
+    """Another browser, behind a network that can fail."""
+    second = open_client(proxy.address)
+    second.page.set_viewport_size(SMALL)
+    second.render(True)
+    yield second
+    second.page.close()

@@ -1,0 +1,65 @@
+"""Every widget reaches the state, and every change of the state reaches the widgets."""
+
+import pytest
+from console_page import Api, Client, eventually
+
+
+@pytest.fixture(autouse=True)
+def command_tab(client: Client) -> None:
+    client.show_tab("Command")
+
+
+@pytest.mark.parametrize(("axis", "position", "force"), [("x", 0.55, -7.5), ("y", 0.1, 4.0), ("z", 0.62, 12.0)])
+def test_an_axis_takes_a_position_or_a_force(client: Client, api: Api, axis: str, position: float, force: float) -> None:
+    index = "xyz".index(axis)
+    client.enter(f"{axis} [m]", position)
+    api.until(lambda state: state["command"]["position_m"][index] == pytest.approx(position), "the position arrives")
+    client.field(f"{axis}: force").click()
+    api.until(lambda state: state["command"]["mask"][index] == 1, "the axis turns to force")
+    client.enter(f"f{axis} [N]", force)
+    api.until(lambda state: state["command"]["force_n"][index] == pytest.approx(force), "the force arrives")
+    client.field(f"{axis}: force").click()
+    api.until(lambda state: state["command"]["mask"][index] == 0, "the axis turns to position")
+
+
+def test_the_base_velocity_and_its_stop(client: Client, api: Api) -> None:
+    for index, (label, value) in enumerate([("ahead [m/s]", 0.2), ("left [m/s]", 0.05), ("turn [rad/s]", -0.1)]):
+        client.enter(label, value)
+        api.until(lambda state, i=index, v=value: state["command"]["base_velocity"][i] == pytest.approx(v), label)
+    client.viser.get_by_role("button", name="Stop the base").click()
+    api.until(lambda state: not any(state["command"]["base_velocity"]), "the base stops")
+
+
+def test_a_slider_moves_by_its_keys(client: Client, api: Api) -> None:
+    client.field("ahead [m/s]").get_by_role("slider").press("ArrowRight")
+    api.until(lambda state: state["command"]["base_velocity"][0] == pytest.approx(0.05), "one step ahead")
+
+
+def test_guidance(client: Client, api: Api) -> None:
+    client.field("Guidance").click()
+    api.until(lambda state: state["command"]["guidance"], "guidance starts")
+
+
+def test_the_setup(client: Client, api: Api) -> None:
+    client.show_tab("Setup")
+    client.choose("Estimator", "gmo_pi")
+    api.until(lambda state: state["estimator"] == "gmo_pi", "the estimator changes")
+    eventually(lambda: client.text("estimator") == "gmo_pi", "the bar shows it")
+    client.enter("Robot mass [x]", 1.1)
+    api.until(lambda state: state["mass_scale_true"] == pytest.approx(1.1), "the mass changes")
+    client.enter("Speed [x]", 0.5)
+    api.until(lambda state: state["loop"]["speed"] == pytest.approx(0.5), "the speed changes")
+    assert "hardware: " in client.viser.locator('[data-forcelens="backends"]').inner_text()
+    api.call("PUT", "mismatch", {"mass_scale": 1.0})
+    api.call("PUT", "estimator", {"name": "adaptive"})
+    eventually(lambda: client.field("Estimator").input_value() == "adaptive", "the dropdown shows a change by REST")
+    eventually(lambda: float(client.number("Robot mass [x]").input_value()) == 1.0, "the slider shows a change by REST")
+
+
+def test_every_scene_loads(client: Client, api: Api) -> None:
+    client.show_tab("Setup")
+    names = api.call("GET", "scene")["available"]
+    for name in [*names[1:], names[0]]:
+        client.choose("Scene", name)
+        api.until(lambda state, name=name: state["scene"] == name, f"scene {name} loads")
+        eventually(lambda name=name: client.text("backend").endswith(name), "the bar shows it")
