@@ -57,6 +57,7 @@ class Binding:
         self._read = read
         self._send = send
         self._hold_until_s = 0.0
+        self._known = widget.value
 
         # `async` without awaits: Viser keeps the order of those callbacks only.
         @widget.on_update
@@ -65,6 +66,7 @@ class Binding:
             if event.client is None:
                 return
             value, client = event.target.value, event.client
+            self._known = value
             if worker is None:
                 self._act(value, client)
             else:
@@ -85,9 +87,14 @@ class Binding:
             return
         value = self._read(snapshot)
         shown = self.widget.value
+        if shown != self._known:
+            # Viser stores an edit before it calls back: showing the snapshot now would undo what is not yet sent.
+            self._known = shown
+            self._hold_until_s = max(self._hold_until_s, time.monotonic() + EDIT_GRACE_S)
+            return
         if isinstance(value, float):
             if not np.isfinite(value) or abs(value - shown) < 1e-9:
                 return
         elif value == shown:
             return
-        self.widget.value = value
+        self.widget.value = self._known = value

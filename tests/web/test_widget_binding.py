@@ -86,6 +86,18 @@ def test_an_edit_is_sent_and_survives_until_the_snapshot_agrees(clock: list[floa
     assert (sent, widget.value) == ([2.0], 2.0)
 
 
+def test_an_edit_that_is_stored_but_not_yet_sent_is_not_undone(clock: list[float], sent: list, snapshot: np.void) -> None:
+    widget = Widget(1.0)
+    binding = speed_binding(widget, sent.append)
+    binding.sync(snapshot)
+    widget.shown = 2.0  # Viser has stored it and calls back next
+    binding.sync(snapshot)
+    assert widget.value == 2.0
+    clock[0] += EDIT_GRACE_S + 0.01  # its browser is gone: nobody calls back
+    binding.sync(snapshot)
+    assert widget.value == 1.0
+
+
 def test_a_change_from_elsewhere_shows_and_is_not_sent_back(clock: list[float], sent: list, snapshot: np.void) -> None:
     widget = Widget(1.0)
     binding = speed_binding(widget, sent.append)
