@@ -38,7 +38,7 @@ class RolloutPlan:
         still: no commands; the robot stands where the force leaves it.
         mass_scale, per_link, joint_friction_scale, ground_friction_scale: see sim.mismatch.
         torque_scale_std: error of the torque constants, 1.
-        delay_ticks: age of the sensor frames.
+        delay_ticks, torque_delay_ticks: age of the sensor frames, and what the joint torques have besides.
         duration_s: of the recording.
     """
 
@@ -52,6 +52,7 @@ class RolloutPlan:
     ground_friction_scale: float = 1.0
     torque_scale_std: float = SensorConfig.joint_torque_scale_std
     delay_ticks: int = SensorConfig.delay_ticks
+    torque_delay_ticks: int = SensorConfig.torque_delay_ticks
     force_scale: float = 1.0
     still: bool = False
     duration_s: float = 20.0
@@ -63,8 +64,12 @@ class RolloutPlan:
 
     @property
     def sensors(self) -> SensorConfig:
-        """The default noisy sensors with this plan's torque error and delay."""
-        return SensorConfig(joint_torque_scale_std=self.torque_scale_std, delay_ticks=self.delay_ticks)
+        """The default noisy sensors with this plan's torque error and delays."""
+        return SensorConfig(
+            joint_torque_scale_std=self.torque_scale_std,
+            delay_ticks=self.delay_ticks,
+            torque_delay_ticks=self.torque_delay_ticks,
+        )
 
     def as_dict(self) -> dict[str, Any]:
         """Plain values, as in the manifest."""

@@ -41,6 +41,7 @@ class SensorConfig:
         attitude_drift_std: rad per axis, stationary deviation of the AR(1) part.
         attitude_drift_time_s: s, correlation time of the AR(1) part.
         delay_ticks: whole frames of age at delivery.
+        torque_delay_ticks: further age of the joint torques alone, as drives that filter the current have it.
     """
 
     joint_position_noise_std: float = 0.5e-3
@@ -58,6 +59,7 @@ class SensorConfig:
     attitude_drift_std: float = 3e-3
     attitude_drift_time_s: float = 5.0
     delay_ticks: int = 1
+    torque_delay_ticks: int = 0
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -103,6 +105,7 @@ class SensorModel:
         self._noise = np.empty((_NOISE_BLOCK, _CHANNELS + 3))
         self._noise_row = _NOISE_BLOCK
         self._pending: deque[SensorFrame] = deque()
+        self._torques: deque[np.ndarray] = deque(maxlen=config.torque_delay_ticks + 1)
 
     def measure(self, ideal: SensorFrame) -> SensorFrame:
         """What arrives at the tick of `ideal`: the distorted frame of `delay_ticks` ticks ago (the oldest one at start)."""
@@ -114,8 +117,10 @@ class SensorModel:
     def _distort(self, ideal: SensorFrame) -> SensorFrame:
         config = self.config
         noise = self._next_noise()
+        self._torques.append(ideal.joint_torque)
+        joint_torque = self._torques[0]
         values = np.concatenate(
-            (ideal.joint_position, ideal.joint_velocity, ideal.joint_torque, ideal.angular_velocity, ideal.linear_acceleration)
+            (ideal.joint_position, ideal.joint_velocity, joint_torque, ideal.angular_velocity, ideal.linear_acceleration)
         )
         values *= self._scale
         values += self._offset

@@ -15,7 +15,7 @@ from sim import scenes
 from sim.backends.ground_truth import GroundTruthReader
 from sim.backends.protocol import BackendError, Capabilities, GroundTruth
 from sim.mismatch import Mismatch, NominalParameters
-from sim.scenes import Primitive
+from sim.scenes import Primitive, SceneModel
 from sim.sensors import SensorConfig, SensorModel
 from sim.wrenches import Spring, WrenchSources
 
@@ -32,8 +32,8 @@ class MujocoBackend:
 
     capabilities = Capabilities(name="simulation", has_truth=True, is_simulation=True)
 
-    def __init__(self, scene: str = "free", sensors: SensorConfig | None = None, seed: int = 0) -> None:
-        """`scene` as in sim.scenes.SCENE_NAMES; the default sensors are those of SensorConfig(); `seed` draws their errors.
+    def __init__(self, scene: str | SceneModel = "free", sensors: SensorConfig | None = None, seed: int = 0) -> None:
+        """`scene` of sim.scenes.SCENE_NAMES, or one's own; the default sensors are those of SensorConfig(); `seed` draws their errors.
 
         Raises:
             ValueError: no scene has this name.
@@ -42,7 +42,7 @@ class MujocoBackend:
         self._seed = seed
         self._mismatch = Mismatch()
         self._opened = False
-        self._load(scene)
+        self._load(scenes.build(scene) if isinstance(scene, str) else scene)
 
     def open(self) -> None:
         """Put the robot on its wheels."""
@@ -146,7 +146,7 @@ class MujocoBackend:
         Raises:
             ValueError: no scene has this name; nothing changes.
         """
-        self._load(name)
+        self._load(scenes.build(name))
 
     @property
     def mismatch(self) -> Mismatch:
@@ -178,9 +178,9 @@ class MujocoBackend:
         elif self.wrenches.drag is None or not np.array_equal(target_in_world, self.wrenches.drag.anchor_m):
             self.wrenches.set_drag(Spring(target_in_world, DRAG_STIFFNESS, DRAG_DAMPING, limit_n=DRAG_LIMIT_N))
 
-    def _load(self, name: str) -> None:
-        self._scene = scenes.build(name)
-        model = self._model = self._scene.model
+    def _load(self, scene: SceneModel) -> None:
+        self._scene = scene
+        model = self._model = scene.model
         # Without this MuJoCo would answer a divergence with a silent reset.
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
         joints = [model.joint(joint) for joint in JOINT_NAMES]

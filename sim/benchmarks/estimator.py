@@ -18,7 +18,7 @@ from control.joints import LEGS
 from sim.benchmarks.estimator_trials import PROFILES, SETTLE_S, Scores, Trial, run_trial
 from sim.benchmarks.report import Report, Row, argument_parser, at_most
 from sim.rollout_plans import MASS_SCALES, PER_LINK_RANGE, RolloutPlan
-from sim.rollout_recorder import ATTEMPTS, RejectedError
+from sim.rollout_runner import ATTEMPTS, RejectedError
 
 BAR_N = 1.0
 REFERENCE = "gmo_cqp"

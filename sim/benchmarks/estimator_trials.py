@@ -16,7 +16,7 @@ from sim.backends.mujoco_backend import MujocoBackend
 from sim.backends.protocol import BackendError
 from sim.rollout_plans import RolloutPlan
 from sim.rollout_profiles import MotionConfig, RandomMotion, SampledForce, rms_force, rms_slope, sampled_force
-from sim.rollout_recorder import LIMIT_MARGIN_RAD, LIMIT_SHARE, MINIMUM_HEIGHT_M, RejectedError
+from sim.rollout_runner import LIMIT_MARGIN_RAD, LIMIT_SHARE, MINIMUM_HEIGHT_M, RejectedError
 
 PROFILES = ("hold", "sine", "slow")
 

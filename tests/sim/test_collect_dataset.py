@@ -20,7 +20,8 @@ from sim.rollout_profiles import (
     rms_slope,
     sampled_force,
 )
-from sim.rollout_recorder import ATTEMPTS, manifest_entry, record_rollout
+from sim.rollout_recorder import manifest_entry, record_rollout
+from sim.rollout_runner import ATTEMPTS
 
 LINKS = ("base", "arm_link1")
 
@@ -119,7 +120,7 @@ def test_springs_answer_motion() -> None:
 def test_a_rollout_that_falls_is_tried_again_and_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     plan = RolloutPlan(0, "train", seed=3, profile="hold", mass_scale=1.0, duration_s=0.2)
     assert record_rollout(plan).rejected == ()
-    monkeypatch.setattr("sim.rollout_recorder.MINIMUM_HEIGHT_M", 1.0)
+    monkeypatch.setattr("sim.rollout_runner.MINIMUM_HEIGHT_M", 1.0)
     recording = record_rollout(plan)
     assert recording.rejected == ("fall",) * ATTEMPTS
     assert not recording.arrays and manifest_entry(recording, "")["rejected"] == ["fall"] * ATTEMPTS

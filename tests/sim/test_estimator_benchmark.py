@@ -11,7 +11,7 @@ from sim.benchmarks.estimator import coverage, draw_plan, rows_of, run_plan
 from sim.benchmarks.estimator_trials import Scores, Trial, run_trial
 from sim.benchmarks.report import Report
 from sim.rollout_plans import RolloutPlan
-from sim.rollout_recorder import ATTEMPTS, RejectedError
+from sim.rollout_runner import ATTEMPTS, RejectedError
 
 ARGUMENTS = Namespace(seed=3, profile="hold", per_link=False, quick=True)
 

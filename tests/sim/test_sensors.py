@@ -133,3 +133,11 @@ def test_the_same_seed_repeats_and_the_sample_is_not_touched():
 def test_a_wrong_figure_is_refused_by_name(value):
     with pytest.raises(ValueError, match="gyro_noise_std"):
         SensorConfig(gyro_noise_std=value)
+
+
+@pytest.mark.parametrize("delay", [0, 5])
+def test_torque_delay_ages_the_torques_alone(delay):
+    model = SensorModel(replace(SensorConfig.ideal(), torque_delay_ticks=delay), seed=0)
+    frames = [model.measure(replace(frame(float(tick)), joint_torque=np.full(JOINT_COUNT, float(tick)))) for tick in range(10)]
+    assert [frame.joint_torque[3] for frame in frames] == [max(0.0, tick - delay) for tick in range(10)]
+    assert [frame.time_s for frame in frames] == list(range(10))
