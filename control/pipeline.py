@@ -185,11 +185,12 @@ class Pipeline:
         self._estimate(EstimatorInput(self.model, sensor, base, self._applied.mask))
         selected = self._estimates[self.estimator_name]
         hand = self._hand(base, selected)
-        # The references move one tick before the controller runs, so that no tick carries both.
+        # The references move one tick before the controller runs, so that no tick carries both; a start cannot wait for that.
         phase = self._tick % CONTROL_DECIMATION
-        if phase == CONTROL_DECIMATION - 1 or self._tick == 0:
+        starting = self._targets is None
+        if phase == CONTROL_DECIMATION - 1 or starting:
             self._refer(self._safety.check_command(command, command_age_s), hand)
-        if phase == 0:
+        if phase == 0 or starting:
             inputs = ControllerInput(sensor, base, self.model, self._applied, hand.force_in_heading)
             self._targets = self._controllers[self.controller_name].step(inputs)
         reported = Fault.ESTIMATOR_STALE if selected.stale else Fault.NONE

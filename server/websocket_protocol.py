@@ -29,3 +29,8 @@ class ShallowWebSocketProtocol(WebSocketsSansIOProtocol):
         if event.path.partition("?")[0] == READER_PATH:
             self.ping_timeout = READER_PING_TIMEOUT_S
         super().handle_connect(event)
+
+    def keepalive_timeout(self) -> None:
+        super().keepalive_timeout()
+        # Closing alone would wait until the vanished peer has taken what is still buffered.
+        self.transport.abort()

@@ -29,6 +29,17 @@ def test_a_browser_that_vanishes_lets_go_and_reconnects(second_client: Client, a
     api.until(lambda state: not state["command"]["guidance"], "the widgets act again")
 
 
+def test_a_browser_whose_network_falls_silent_lets_go(second_client: Client, api: Api, proxy: TcpProxy) -> None:
+    second_client.render(True)
+    grab(second_client, api)
+    proxy.silence()
+    api.until(lambda state: size(state, "force_true_n") == 0.0, "the hand is let go")
+    proxy.mend()
+    second_client.page.mouse.up()
+    second_client.render(False)
+    eventually(lambda: second_client.text("connection") == "live", "the stream goes on")
+
+
 def test_changes_show_in_both(client: Client, second_client: Client, api: Api) -> None:
     api.call("PATCH", "command", {"mask": [0, 0, 1], "force_n": [0.0, 0.0, 8.5], "base_velocity": [0.1, 0.0, 0.0]})
     for each in (client, second_client):

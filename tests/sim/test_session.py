@@ -7,6 +7,7 @@ import pytest
 
 from control.command import DEFAULT_COMMAND
 from control.pipeline import Pipeline, PipelineConfig
+from control.safety import Fault
 from control.types import Command, SensorFrame
 from sim.session import Session, SessionConfig, SessionError
 from sim.snapshot import SETPOINT, SNAPSHOT, Mode, command_from_record, command_to_record
@@ -91,6 +92,17 @@ def test_the_estop_damps_and_outlives_a_reset(standing: Session) -> None:
     assert standing.mode is Mode.RUNNING
     assert truth is not None
     assert truth.base_position[2] > 0.32
+
+
+@pytest.mark.parametrize("ticks", [1, 2, 6, 9, 10])
+def test_a_cleared_estop_is_no_fault_from_the_next_tick_on(standing: Session, ticks: int) -> None:
+    run(standing, DEFAULT_COMMAND, ticks / SECOND)
+    standing.estop()
+    run(standing, DEFAULT_COMMAND, 1 / SECOND)
+    standing.clear_estop()
+    run(standing, DEFAULT_COMMAND, 1 / SECOND)
+    assert standing.mode is Mode.RUNNING
+    assert standing.output.safety.faults == Fault.NONE
 
 
 def test_a_drag_pulls_while_its_operator_is_alive(standing: Session) -> None:
