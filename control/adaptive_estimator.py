@@ -81,7 +81,8 @@ class AdaptiveEstimator(ProjectingEstimator):
             rows = self._trusted_rows()
             # R is isotropic, so the frame of the wrenches does not matter here.
             problem = build_wrench_problem(self._model.wrench_jacobian, self.residual, rows, self._costs)
-            self._adaptation.update(problem, rows * self.residual, rows[:, None] * self._mass_regressor())
+            force_n = 0.0 if self._last is None else math.hypot(*self._last.force_in_heading)
+            self._adaptation.update(problem, rows * self.residual, rows[:, None] * self._mass_regressor(), force_n)
         self._tick += 1
 
     def _project(self, jacobian: np.ndarray, residual: np.ndarray) -> ForceEstimate:

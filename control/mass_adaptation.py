@@ -25,8 +25,10 @@ class MassAdaptationConfig:
     """Attributes:
     common_sd: prior standard deviation of what both beta share.
     difference_sd: prior standard deviation of each beta around it.
-    residual_sd: standard deviation of one weighted residual row of eq. (11). The errors are correlated over time, which is
-        why it is far above the sensor noise.
+    residual_sd: standard deviation of one weighted residual row of eq. (11) while the hand is free. The errors are
+        correlated over time, which is why it is far above the sensor noise.
+    force_scale_n: force on the hand at which that variance has doubled. Where on the hand a force acts is known to a few
+        centimetres only, and the moment that is missing looks like mass.
     memory_s: time constant of forgetting, so that a changed robot is noticed.
     limit: largest |beta|: a robot that is lifted or leans on something is not weightless.
     settle_s: data before this time is ignored while the observer settles.
@@ -36,6 +38,7 @@ class MassAdaptationConfig:
     common_sd: float = 0.2
     difference_sd: float = 0.1
     residual_sd: float = 1.0
+    force_scale_n: float = 5.0
     memory_s: float = 10.0
     limit: float = 0.6
     settle_s: float = 0.5
@@ -68,13 +71,16 @@ class MassAdaptation:
         self._elapsed_s = 0.0
         self.beta = np.zeros(SCALE_COUNT)
 
-    def update(self, problem: WrenchProblem, weighted_residual: np.ndarray, weighted_regressor: np.ndarray) -> None:
-        """Add one instant.
+    def update(
+        self, problem: WrenchProblem, weighted_residual: np.ndarray, weighted_regressor: np.ndarray, force_n: float
+    ) -> None:
+        """Add one instant; old information fades as fast as new comes in.
 
         Args:
             problem: eq. (11) at this instant; its right side is not used.
             weighted_residual: (28,) W_q r, of the nominal model.
             weighted_regressor: (28, 2) W_q N.
+            force_n: estimated size of the force on the hand.
         """
         self._elapsed_s += self._config.period_s
         if self._elapsed_s < self._config.settle_s:
@@ -83,8 +89,9 @@ class MassAdaptation:
         jacobian = problem.weighted_jacobian
         explained = jacobian.T @ solve_positive_definite(problem.hessian, jacobian @ weighted_regressor)
         unexplained = weighted_regressor - explained
-        noise, keep = self._config.residual_sd**2, self._keep
-        self._information = keep * self._information + (1.0 - keep) * self._prior + unexplained.T @ weighted_regressor / noise
-        self._information_vector = keep * self._information_vector - unexplained.T @ weighted_residual / noise
+        trust = 1.0 / (1.0 + (force_n / self._config.force_scale_n) ** 2)
+        keep, weight = self._keep**trust, trust / self._config.residual_sd**2
+        self._information = keep * self._information + (1.0 - keep) * self._prior + weight * unexplained.T @ weighted_regressor
+        self._information_vector = keep * self._information_vector - weight * unexplained.T @ weighted_residual
         beta = np.linalg.solve(self._information, self._information_vector)
         self.beta = np.clip(beta, -self._config.limit, self._config.limit)

@@ -8,6 +8,9 @@ from control.mass_adaptation import ARM, REST, MassAdaptation, MassAdaptationCon
 from control.robot_model import RobotModel
 from control.wrench_projection import ProjectionWeights, build_wrench_problem
 
+FREE_N = 0.0
+"""Force on the hand that leaves every instant its full weight."""
+
 WEIGHTS = ProjectionWeights(support_cost=1e-6, force_cost=1e-6)
 
 
@@ -35,7 +38,7 @@ class Recording:
             wrench[12:15] = 8.0 * rng.normal(size=3)
             residual = model.wrench_jacobian.T @ wrench - regressor @ self._beta + self._noise * rng.normal(size=28)
             problem = build_wrench_problem(model.wrench_jacobian, residual, self._rows, self._costs)
-            adaptation.update(problem, self._rows * residual, self._rows[:, None] * regressor)
+            adaptation.update(problem, self._rows * residual, self._rows[:, None] * regressor, FREE_N)
 
 
 @pytest.mark.parametrize("beta", [(0.0, 0.0), (0.2, 0.2), (-0.2, -0.2), (0.25, -0.1), (-0.15, 0.1)])
@@ -70,8 +73,33 @@ def test_without_information_the_prior_returns() -> None:
     rows, costs = WEIGHTS.rows(recording.model), WEIGHTS.costs()
     problem = build_wrench_problem(recording.model.wrench_jacobian, np.zeros(28), rows, costs)
     for _ in range(500):
-        adaptation.update(problem, np.zeros(28), np.zeros((28, 2)))
+        adaptation.update(problem, np.zeros(28), np.zeros((28, 2)), FREE_N)
     np.testing.assert_allclose(adaptation.beta, 0.0, atol=1e-3)
+
+
+def beta_after_pressing(force_n: float) -> np.ndarray:
+    """Beta of a robot that presses with 20 N for 10 s, the force acting 2 cm below its modelled point."""
+    model, adaptation = RobotModel(), MassAdaptation(MassAdaptationConfig())
+    model.update(np.eye(3), NOMINAL_POSITION, np.zeros(3), np.zeros(3), np.zeros(JOINT_COUNT))
+    arm = model.arm_gravity()
+    regressor = np.column_stack([arm, model.gravity - arm])
+    wrench = np.zeros(18)
+    wrench[2:12:3] = model.total_mass * 9.81 / 4
+    wrench[12:15] = force = np.array([-20.0, 0.0, 20.0])
+    wrench[15:] = np.cross([0.0, 0.0, -0.02], force)
+    residual = model.wrench_jacobian.T @ wrench
+    rows = WEIGHTS.rows(model)
+    problem = build_wrench_problem(model.wrench_jacobian, residual, rows, WEIGHTS.costs())
+    for _ in range(500):
+        adaptation.update(problem, rows * residual, rows[:, None] * regressor, force_n)
+    return adaptation.beta
+
+
+def test_a_contact_off_its_modelled_point_is_hardly_taken_for_mass() -> None:
+    trusting = np.abs(beta_after_pressing(FREE_N)[ARM])
+    wary = np.abs(beta_after_pressing(28.0)[ARM])
+    assert trusting > 0.05
+    assert wary < 0.5 * trusting
 
 
 def test_a_robot_that_hangs_is_not_taken_for_weightless() -> None:
