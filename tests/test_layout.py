@@ -3,6 +3,7 @@
 import ast
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -37,3 +38,15 @@ def test_the_pipeline_loads_without_a_simulator() -> None:
 def test_files_stay_small() -> None:
     long = [str(p) for part in ORDER for p in (ROOT / part).rglob("*.py") if len(p.read_text().splitlines()) > 450]
     assert not long
+
+
+def test_an_installed_copy_has_every_data_file() -> None:
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]
+    declared = {path for part, globs in settings["package-data"].items() for glob in globs for path in (ROOT / part).glob(glob)}
+    needed = {
+        path
+        for part in (*ORDER, "assets")
+        for path in (ROOT / part).rglob("*")
+        if path.is_file() and path.suffix not in {".py", ".pyc"} and path.parent.name != "screenshots"
+    }
+    assert needed - declared == set()
