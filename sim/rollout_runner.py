@@ -79,15 +79,16 @@ def first_accepted(plan: RolloutPlan, run: Callable[[RolloutPlan, int], Result])
     """`run(plan, seed)` with the plan's seed, and with the next one after a rejection, at most ATTEMPTS times.
 
     Returns:
-        The result, None where every attempt was rejected; the seed of the last attempt; the reasons of the rejected ones.
+        The result and its seed, None and the plan's where every attempt was rejected; the reasons of the rejected ones.
     """
     rejected: list[str] = []
-    for seed in range(plan.seed, plan.seed + ATTEMPTS):
+    while len(rejected) < ATTEMPTS:
+        seed = plan.seed + len(rejected)
         try:
             return run(plan, seed), seed, tuple(rejected)
         except RejectedError as reason:
             rejected.append(str(reason))
-    return None, seed, tuple(rejected)
+    return None, plan.seed, tuple(rejected)
 
 
 def planned_force(plan: RolloutPlan, seed: int) -> np.ndarray:

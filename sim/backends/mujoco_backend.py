@@ -33,7 +33,7 @@ class MujocoBackend:
     capabilities = Capabilities(name="simulation", has_truth=True, is_simulation=True)
 
     def __init__(self, scene: str | SceneModel = "free", sensors: SensorConfig | None = None, seed: int = 0) -> None:
-        """`scene` of sim.scenes.SCENE_NAMES, or one's own; the default sensors are those of SensorConfig(); `seed` draws their errors.
+        """`scene` of sim.scenes.SCENE_NAMES, or one's own; `seed` draws the errors of the sensors, by default SensorConfig().
 
         Raises:
             ValueError: no scene has this name.

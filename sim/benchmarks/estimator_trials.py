@@ -1,121 +1,111 @@
 """Rollouts of the estimator benchmark: every force estimator on the same drive, judged by the simulator's truth.
 
-The robot drives and moves its arm on random commands under the model-based controller, which is fed by `adaptive`; a known
-force acts on its end effector. Sensors are noisy, the base velocity is estimated, joint and ground friction are drawn.
+The robot drives and moves its arm on random commands under the model-based controller; a known force acts on its end
+effector. Sensors are noisy, the base velocity is estimated, joint and ground friction are drawn.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from control.force_estimators import EstimatorsConfig
-from control.network_weights import WEIGHTS_DIRECTORY
-from control.pipeline import CONTROL_DECIMATION, TICK_S, Pipeline, PipelineConfig
-from control.types import ForceEstimate
-from sim.backends.mujoco_backend import MujocoBackend
-from sim.backends.protocol import BackendError
-from sim.rollout_plans import RolloutPlan
-from sim.rollout_profiles import MotionConfig, RandomMotion, SampledForce, rms_force, rms_slope, sampled_force
-from sim.rollout_runner import LIMIT_MARGIN_RAD, LIMIT_SHARE, MINIMUM_HEIGHT_M, RejectedError
-
-PROFILES = ("hold", "sine", "slow")
-
-HOLD_SLOPE_NPS = 15.0
-"""A hold force that changes faster, in the root mean square, is scaled down to this."""
+from control.momentum_observer import ObserverGains
+from control.pipeline import TICK_S
+from sim.benchmarks.estimator_ablations import Ablation
+from sim.benchmarks.estimator_panel import SAMPLE_TICKS, EstimatorPanel
+from sim.benchmarks.estimator_scores import Scores, lag_only_error
+from sim.rollout_plans import EVALUATION_FORCE_SCALES, PER_LINK_RANGE, RolloutPlan
+from sim.rollout_profiles import rms_force, rms_slope
+from sim.rollout_runner import ATTEMPTS, RolloutRunner, first_accepted, planned_force
 
 SETTLE_S = 1.0
 """Not scored: observers start at rest."""
 
-MOTION = MotionConfig(force_mode_share=0.0)
-
-
-@dataclass(frozen=True, slots=True)
-class Scores:
-    """One estimator over one rollout, sampled at 50 Hz.
-
-    Attributes:
-        error: (n, 3) N, estimate minus truth, in heading.
-        sigma: (n, 3) N, NaN where the estimator gives none.
-    """
-
-    error: np.ndarray
-    sigma: np.ndarray
-
-    @property
-    def rmse_axes_n(self) -> np.ndarray:
-        """(3,)."""
-        return np.sqrt((self.error**2).mean(axis=0))
-
-    @property
-    def rmse_vector_n(self) -> float:
-        """Root mean square length of the error."""
-        return float(np.sqrt((self.error**2).sum(axis=1).mean()))
-
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """One kept rollout.
+    """One plan, played.
 
     Attributes:
-        scores: by estimator.
-        rms_force_n, rms_slope_nps: of the true force.
-        force_true: (n, 3) N at 50 Hz, in heading.
-        force_estimated: (n, 3) N at 50 Hz by estimator, as far as they line up with `force_true`.
+        plan: as asked.
+        rejected: reasons of the attempts that were drawn again.
+        scores: by estimator; empty where every attempt was rejected.
+        force_true: (n, 3) N in heading at 50 Hz from SETTLE_S on.
+        rms_force_n, rms_slope_nps: of the planned force.
+        lag_only_n: vector RMSE of lag alone, by model-based estimator.
     """
 
+    plan: RolloutPlan
+    rejected: tuple[str, ...]
     scores: dict[str, Scores]
+    force_true: np.ndarray
     rms_force_n: float
     rms_slope_nps: float
-    force_true: np.ndarray
-    force_estimated: dict[str, np.ndarray]
+    lag_only_n: dict[str, float]
 
 
-def run_trial(plan: RolloutPlan) -> Trial:
-    """Run one rollout.
+def draw_plan(seed: int, number: int, profile: str, mass_scale: float, links: Sequence[str], duration_s: float) -> RolloutPlan:
+    """Rollout `number` of a test set; the same number draws the same force, motion and frictions at every mass scale.
 
-    Raises:
-        RejectedError: the robot fell, leaned on a joint's stop for more than 1 % of the time, or the simulation diverged.
+    Args:
+        seed: of the test set.
+        number: 0 and up.
+        profile: of EVALUATION_FORCE_SCALES.
+        mass_scale: of every link.
+        links: bodies whose mass is scaled at random besides; none for a uniform mismatch.
+        duration_s: of the rollout.
     """
-    force_seed, motion_seed = np.random.SeedSequence(plan.seed).spawn(2)
-    force = sampled_force(plan.profile, np.random.default_rng(force_seed), plan.duration_s, TICK_S)
-    if plan.profile == "hold":
-        force *= min(1.0, HOLD_SLOPE_NPS / rms_slope(force, TICK_S))
-    backend = MujocoBackend("free", plan.sensors, plan.seed)
-    backend.open()
-    backend.set_mismatch(plan.mismatch)
-    backend.wrenches.add(SampledForce(force, TICK_S))
-    pipeline = Pipeline(PipelineConfig(estimators=EstimatorsConfig(weights=WEIGHTS_DIRECTORY)))
-    motion = RandomMotion(MOTION, np.random.default_rng(motion_seed))
-    lower = pipeline.model.position_lower + LIMIT_MARGIN_RAD
-    upper = pipeline.model.position_upper - LIMIT_MARGIN_RAD
+    own_seed = seed * 100_000 + number * ATTEMPTS
+    random = np.random.default_rng(own_seed)
+    joint_friction, ground_friction = random.uniform(0.5, 1.5), random.uniform(0.75, 1.25)
+    return RolloutPlan(
+        index=number,
+        split="test",
+        seed=own_seed,
+        profile=profile,
+        mass_scale=mass_scale,
+        per_link=dict(zip(links, random.uniform(*PER_LINK_RANGE, len(links)).tolist(), strict=True)),
+        joint_friction_scale=joint_friction,
+        ground_friction_scale=ground_friction,
+        force_scale=EVALUATION_FORCE_SCALES[profile],
+        duration_s=duration_s,
+    )
 
-    newest: dict[str, ForceEstimate] = {}
-    samples: dict[str, list[np.ndarray]] = {name: [] for name in pipeline.estimator_names}
-    at_stop = 0
-    for tick in range(len(force)):
-        frame, truth = backend.read(), backend.truth()
-        output = pipeline.step(frame, motion.step(tick * TICK_S), 0.0)
-        try:
-            backend.write(output.joint_command)
-        except BackendError as error:
-            raise RejectedError("diverged") from error
-        if output.safety.damping or truth.base_position[2] < MINIMUM_HEIGHT_M:
-            raise RejectedError("fall")
-        at_stop += bool(((frame.joint_position < lower) | (frame.joint_position > upper)).any())
-        for name, estimate in output.estimates.items():
-            # Each is scored at the ticks of its own 50 Hz turn; the selected one has a new estimate at every tick.
-            is_turn = tick % CONTROL_DECIMATION == 0 if name == pipeline.estimator_name else estimate is not newest.get(name)
-            newest[name] = estimate
-            if is_turn and tick * TICK_S >= SETTLE_S:
-                sigma = np.full(3, np.nan) if estimate.sigma_n is None else estimate.sigma_n
-                samples[name].append(np.stack([estimate.force_in_heading, truth.end_effector_force, sigma]))
-    if at_stop > LIMIT_SHARE * len(force):
-        raise RejectedError("joint limit")
-    arrays = {name: np.array(values) for name, values in samples.items()}
+
+def run_trial(plan: RolloutPlan, ablations: Sequence[Ablation] = ()) -> Trial:
+    """Play `plan`; a rejected attempt is drawn again, see sim.rollout_runner."""
+
+    def attempt(plan: RolloutPlan, seed: int) -> EstimatorPanel:
+        return watch(RolloutRunner(plan, seed), plan, ablations)
+
+    panel, seed, rejected = first_accepted(plan, attempt)
+    force = planned_force(plan, seed)
+    start = round(SETTLE_S / TICK_S)
+    lags = {name: lag_only_error(force, gains, TICK_S)[start:] for name, gains in _gains().items()}
     return Trial(
-        {name: Scores(values[:, 0] - values[:, 1], values[:, 2]) for name, values in arrays.items()},
+        plan,
+        rejected,
+        {} if panel is None else panel.scores(),
+        np.zeros((0, 3)) if panel is None else np.array(panel.force_true),
         rms_force(force),
         rms_slope(force, TICK_S),
-        arrays[pipeline.estimator_name][:, 1],
-        {name: values[:, 0] for name, values in arrays.items()},
+        {name: rms_force(error) for name, error in lags.items()},
     )
+
+
+def watch(runner: RolloutRunner, plan: RolloutPlan, ablations: Sequence[Ablation] = ()) -> EstimatorPanel:
+    """Run to the end with every estimator watching. Raises RejectedError."""
+    panel = EstimatorPanel(runner.pipeline.model, plan.delay_ticks, ablations)
+    for tick in runner.ticks():
+        truth = runner.backend.truth()
+        panel.observe(tick.sensor, tick.output.base, tick.output.applied_command.mask, truth)
+        if tick.index % SAMPLE_TICKS == 0 and tick.time_s >= SETTLE_S:
+            panel.sample(truth)
+    return panel
+
+
+def _gains() -> dict[str, ObserverGains]:
+    config = EstimatorsConfig()
+    paper, fast = config.gmo_gains, config.adaptive.gains
+    return {"gmo_pi": paper, "gmo_cqp": paper, "hybrid_paper": paper, "adaptive": fast, "hybrid": fast}

@@ -1,0 +1,105 @@
+"""Ablations of the model-based estimators: each turns one switch and leaves the rest as it is.
+
+The true base velocity is handed to an estimator here and nowhere else: it comes from the simulator, not from `control`.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from control.adaptive_estimator import AdaptiveConfig, AdaptiveEstimator
+from control.force_estimators import EstimatorsConfig
+from control.gmo_estimators import GmoConstrained
+from control.mass_adaptation import MassAdaptationConfig
+from control.momentum_observer import FAST_GAINS, PAPER_GAINS, ObserverGains
+from control.momentum_residual import MomentumResidual
+from control.projecting_estimator import ProjectingEstimator, estimate_from_wrench
+from control.robot_model import RobotModel
+from control.types import ForceEstimate
+from control.wrench_projection import ProjectionWeights, build_wrench_problem, solve_positive_definite
+
+_NO_SPREAD = 1e-4
+"""A prior this narrow holds a scale where it is, against all data of a rollout."""
+
+ADAPTATIONS = {
+    "none": MassAdaptationConfig(common_sd=_NO_SPREAD, difference_sd=_NO_SPREAD),
+    "scalar": MassAdaptationConfig(difference_sd=_NO_SPREAD),
+    "two-scale": MassAdaptationConfig(),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Ablation:
+    """A model-based estimator with other settings; the defaults are those of `original`.
+
+    Attributes:
+        name: of the row.
+        original: "gmo_cqp" or "adaptive".
+        gains: of the observer.
+        friction: nominal joint friction is taken out of the residual.
+        constraints: of the wheel forces; "gmo_cqp" only.
+        adaptation: key of ADAPTATIONS; "adaptive" only.
+        true_velocity: the simulator's base velocity instead of the estimated one.
+    """
+
+    name: str
+    original: str
+    gains: ObserverGains
+    friction: bool
+    constraints: bool = True
+    adaptation: str = "two-scale"
+    true_velocity: bool = False
+
+
+GMO_CQP = Ablation("gmo_cqp", "gmo_cqp", PAPER_GAINS, friction=False)
+ADAPTIVE = Ablation("adaptive", "adaptive", FAST_GAINS, friction=True)
+
+ABLATIONS = (
+    replace(GMO_CQP, name="gmo_cqp: no constraints", constraints=False),
+    replace(GMO_CQP, name="gmo_cqp: friction model", friction=True),
+    replace(GMO_CQP, name="gmo_cqp: true velocity", true_velocity=True),
+    replace(GMO_CQP, name="gmo_cqp: gains 70, 2500", gains=FAST_GAINS),
+    replace(GMO_CQP, name="gmo_cqp: gains 70, 2500, no constraints", gains=FAST_GAINS, constraints=False),
+    replace(ADAPTIVE, name="adaptive: no friction model", friction=False),
+    replace(ADAPTIVE, name="adaptive: no adaptation", adaptation="none"),
+    replace(ADAPTIVE, name="adaptive: scalar adaptation", adaptation="scalar"),
+    replace(ADAPTIVE, name="adaptive: true velocity", true_velocity=True),
+    replace(ADAPTIVE, name="adaptive: gains 6, 20", gains=PAPER_GAINS),
+    replace(ADAPTIVE, name="adaptive: gains 28, 400", gains=ObserverGains(28.0, 400.0)),
+    replace(ADAPTIVE, name="adaptive: gains 141, 10000", gains=ObserverGains(141.0, 1e4)),
+)
+
+ORIGINALS = {"hybrid": "adaptive", "hybrid_paper": "gmo_cqp"} | {ablation.name: ablation.original for ablation in ABLATIONS}
+"""What each ablation, and each learned correction, is compared with."""
+
+
+def make_ablation(ablation: Ablation, model: RobotModel, config: EstimatorsConfig) -> ProjectingEstimator:
+    """The estimator of `ablation`, for inputs that carry `model`; all else as in `config`."""
+    if ablation.original == "adaptive":
+        adaptive = replace(config.adaptive, gains=ablation.gains, adaptation=ADAPTATIONS[ablation.adaptation])
+        return _Adaptive(model, adaptive, config.period_s, ablation.friction)
+    residual = MomentumResidual(ablation.gains, config.period_s, ablation.friction)
+    if ablation.constraints:
+        return GmoConstrained(residual, model, config.gmo_weights, config.constraints)
+    return _GmoUnconstrained(residual, model, config.gmo_weights)
+
+
+class _Adaptive(AdaptiveEstimator):
+    """`adaptive` with or without nominal joint friction."""
+
+    def __init__(self, model: RobotModel, config: AdaptiveConfig, period_s: float, with_friction: bool) -> None:
+        super().__init__(model, config, period_s)
+        self._residual = MomentumResidual(config.gains, period_s, with_friction)
+
+
+class _GmoUnconstrained(ProjectingEstimator):
+    """Minimiser of eq. (11) without its constraints, with the same W_q and R as GMO-CQP."""
+
+    def __init__(self, residual: MomentumResidual, model: RobotModel, weights: ProjectionWeights) -> None:
+        super().__init__(residual)
+        self._rows = weights.rows(model)
+        self._costs = weights.costs()
+
+    def _project(self, jacobian: np.ndarray, residual: np.ndarray) -> ForceEstimate:
+        problem = build_wrench_problem(jacobian, residual, self._rows, self._costs)
+        return estimate_from_wrench(solve_positive_definite(problem.hessian, problem.right_side))

@@ -1,0 +1,86 @@
+"""The estimators under test beside the one that drives: all fed the same ticks and asked at the same instants."""
+
+from collections import deque
+from collections.abc import Sequence
+
+import numpy as np
+
+from control.force_estimator import EstimatorInput, ForceEstimator
+from control.force_estimators import EstimatorsConfig, make_estimators
+from control.frames import rotation_from_quaternion
+from control.network_weights import WEIGHTS_DIRECTORY
+from control.robot_model import RobotModel
+from control.types import BaseState, SensorFrame
+from sim.backends.protocol import GroundTruth
+from sim.benchmarks.estimator_ablations import Ablation, make_ablation
+from sim.benchmarks.estimator_scores import Scores
+
+SAMPLE_TICKS = 10
+"""Every estimate is sampled at 50 Hz, whatever the live loop spends on it."""
+
+
+class EstimatorPanel:
+    """Estimators that watch one rollout, and how far each is off.
+
+    Attributes:
+        force_true: (3,) N in heading at every sample.
+    """
+
+    def __init__(self, model: RobotModel, delay_ticks: int, ablations: Sequence[Ablation] = ()) -> None:
+        """`model` is the pipeline's, updated at every tick; `delay_ticks` is the age of its sensor frames."""
+        config = EstimatorsConfig(weights=WEIGHTS_DIRECTORY)
+        self._model = model
+        self._estimators: dict[str, ForceEstimator] = make_estimators(model, config)
+        self._true_model = RobotModel()
+        self._true_velocities: deque[np.ndarray] = deque(maxlen=delay_ticks + 1)
+        self._informed: dict[str, ForceEstimator] = {}
+        for ablation in ablations:
+            group, its_model = (self._informed, self._true_model) if ablation.true_velocity else (self._estimators, model)
+            group[ablation.name] = make_ablation(ablation, its_model, config)
+        self.force_true: list[np.ndarray] = []
+        self._errors: dict[str, list[np.ndarray]] = {name: [] for name in self.names}
+        self._sigmas: dict[str, list[np.ndarray]] = {name: [] for name in self.names}
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Estimators, then ablations."""
+        return (*self._estimators, *self._informed)
+
+    def observe(self, sensor: SensorFrame, base: BaseState, mask: np.ndarray, truth: GroundTruth) -> None:
+        """Feed one tick, after the pipeline has taken it."""
+        inputs = EstimatorInput(self._model, sensor, base, mask)
+        for estimator in self._estimators.values():
+            estimator.observe(inputs)
+        if self._informed:
+            informed = self._with_true_velocity(inputs, truth)
+            for estimator in self._informed.values():
+                estimator.observe(informed)
+
+    def sample(self, truth: GroundTruth) -> dict[str, np.ndarray]:
+        """Ask every estimator now and note its error; returns the errors (3,) N by name."""
+        self.force_true.append(truth.end_effector_force)
+        newest: dict[str, np.ndarray] = {}
+        for name, estimator in (self._estimators | self._informed).items():
+            estimate = estimator.estimate()
+            newest[name] = estimate.force_in_heading - truth.end_effector_force
+            self._errors[name].append(newest[name])
+            self._sigmas[name].append(np.full(3, np.nan) if estimate.sigma_n is None else estimate.sigma_n)
+        return newest
+
+    def scores(self, kept: np.ndarray | slice = slice(None)) -> dict[str, Scores]:
+        """Errors so far by estimator, of the samples in `kept`."""
+        return {name: Scores(np.array(self._errors[name])[kept], np.array(self._sigmas[name])[kept]) for name in self.names}
+
+    def _with_true_velocity(self, inputs: EstimatorInput, truth: GroundTruth) -> EstimatorInput:
+        rotation = rotation_from_quaternion(truth.base_orientation_wxyz)
+        self._true_velocities.append(truth.base_linear_velocity @ rotation)
+        base, sensor, velocity = inputs.base, inputs.sensor, self._true_velocities[0]
+        known = BaseState(base.rotation_base_to_world, velocity, base.angular_velocity_in_base, base.height_m)
+        self._true_model.update(
+            known.rotation_base_to_world,
+            sensor.joint_position,
+            velocity,
+            known.angular_velocity_in_base,
+            sensor.joint_velocity,
+        )
+        return EstimatorInput(self._true_model, sensor, known, inputs.mask)

@@ -1,0 +1,91 @@
+"""Rows and bars of the estimator benchmark, from its trials."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sim.benchmarks.estimator_ablations import ORIGINALS
+from sim.benchmarks.estimator_scores import coverage, mean_and_deviation
+from sim.benchmarks.estimator_trials import Trial
+from sim.benchmarks.report import Bar, Row, at_least, at_most
+
+REFERENCE = "gmo_cqp"
+HYBRID_BARS_N = {"hold": 0.75, "sine": 1.0, "slow": 1.0}
+HYBRID_PER_LINK_BAR_N = 1.2
+HYBRID_PAPER_SHARE = 0.5
+COVERAGE_RANGE = (0.92, 0.98)
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """One line of the paper's table: force profile, mass scale of every link, and whether links differ besides."""
+
+    profile: str
+    mass_scale: float
+    per_link: bool
+
+    def __str__(self) -> str:
+        return f"{self.profile}, mass x{self.mass_scale:g}{', per link' if self.per_link else ''}"
+
+
+def cell_rows(cell: Cell, trials: Sequence[Trial]) -> list[Row]:
+    """One row per estimator: means over rollouts of each rollout's RMSE, as in the paper.
+
+    A ratio compares the mean vector RMSE with that of `gmo_cqp`, and that of a learned correction or an ablation with the
+    same estimate without it. Trials without scores count as rejected only.
+    """
+    kept = [trial for trial in trials if trial.scores]
+    if not kept:
+        return []
+    vector = {name: [trial.scores[name].rmse_vector_n for trial in kept] for name in kept[0].scores}
+    rows: list[Row] = []
+    for name, values in vector.items():
+        scores = [trial.scores[name] for trial in kept]
+        axes = np.mean([score.rmse_axes_n for score in scores], axis=0)
+        mean, deviation = mean_and_deviation(values)
+        original = ORIGINALS.get(name)
+        lags = [trial.lag_only_n[name] for trial in kept if name in trial.lag_only_n]
+        rows.append(
+            {
+                "estimator": name,
+                "profile": cell.profile,
+                "mass_scale": cell.mass_scale,
+                "per_link": cell.per_link,
+                "rollouts": len(kept),
+                "rejected": sum(len(trial.rejected) for trial in trials),
+                "rmse_x_n": float(axes[0]),
+                "rmse_y_n": float(axes[1]),
+                "rmse_z_n": float(axes[2]),
+                "rmse_vector_n": mean,
+                "sd_n": deviation,
+                "lag_only_n": float(np.mean(lags)) if lags else None,
+                "ratio_to_gmo_cqp": mean / float(np.mean(vector[REFERENCE])),
+                "ratio_to_original": mean / float(np.mean(vector[original])) if original in vector else None,
+                "coverage_1sigma": coverage(scores, 1.0),
+                "coverage_2sigma": coverage(scores, 2.0),
+                "rms_force_n": float(np.mean([trial.rms_force_n for trial in kept])),
+                "rms_slope_nps": float(np.mean([trial.rms_slope_nps for trial in kept])),
+            }
+        )
+    return rows
+
+
+def cell_bars(cell: Cell, rows: Sequence[Row]) -> list[Bar]:
+    """What is asked of the learned corrections in one cell; nothing where a network is missing."""
+    by_name = {str(row["estimator"]): row for row in rows}
+    bars: list[Bar] = []
+    if "hybrid" in by_name:
+        hybrid = {key: float(value) for key, value in by_name["hybrid"].items() if isinstance(value, (int, float))}
+        limit = HYBRID_PER_LINK_BAR_N if cell.per_link else HYBRID_BARS_N[cell.profile]
+        covered = hybrid.get("coverage_2sigma", float("nan"))
+        bars += [
+            at_most(f"hybrid vector RMSE, {cell}", hybrid["rmse_vector_n"], limit, "N"),
+            at_most(f"hybrid over the same without learning, {cell}", hybrid["ratio_to_original"], 1.0, "1"),
+            at_least(f"hybrid errors within 2 sigma, at least, {cell}", covered, COVERAGE_RANGE[0], "1"),
+            at_most(f"hybrid errors within 2 sigma, at most, {cell}", covered, COVERAGE_RANGE[1], "1"),
+        ]
+    if "hybrid_paper" in by_name and cell.mass_scale != 1.0:
+        share = float(by_name["hybrid_paper"]["ratio_to_gmo_cqp"] or np.nan)
+        bars.append(at_most(f"hybrid_paper over gmo_cqp, {cell}", share, HYBRID_PAPER_SHARE, "1"))
+    return bars
