@@ -1,4 +1,4 @@
-"""Live charts of commanded, estimated and true force, one per heading axis."""
+"""Live charts of commanded, estimated and true force, one per heading axis, with the estimate's uncertainty as a band."""
 
 import time
 
@@ -7,6 +7,7 @@ import viser
 from viser import uplot
 
 from web import theme
+from web.history import History
 
 WINDOW_S = 10.0
 SAMPLE_PERIOD_S = 0.05
@@ -15,42 +16,37 @@ SEND_PERIOD_S = 0.12
 
 AXES = ("x", "y", "z")
 _RANGES_N = (10.0, 20.0, 50.0, 100.0, 200.0)
-_SAMPLES = int(WINDOW_S / SAMPLE_PERIOD_S)
 _TRACES = (("true", theme.TRUE, 3.0), ("estimated", theme.ESTIMATED, 1.6), ("commanded", theme.COMMANDED, 1.6))
+_UPPER, _LOWER = len(_TRACES) + 1, len(_TRACES) + 2
+_NO_SIGMA = "The selected estimator does not state its uncertainty."
+_SIGMA = f"Shaded: the estimate &plusmn; {theme.SHOWN_SIGMAS:.0f} standard deviations, as the estimator states them."
 
 
 class ForceHistory:
-    """The last seconds of the three forces: rows of (time, true xyz, estimated xyz, commanded xyz)."""
+    """The last seconds of the three forces and of the estimate's standard deviation."""
 
     def __init__(self) -> None:
-        self._rows = np.full((_SAMPLES, 10), np.nan)
+        self._history = History(12, WINDOW_S, SAMPLE_PERIOD_S)
 
     def append(self, snapshot: np.void) -> bool:
-        """Add a SNAPSHOT record when the next sample is due. A jump of the clock starts afresh."""
-        now = float(snapshot["time_s"])
-        elapsed = now - self._rows[-1, 0]
-        if 0.0 <= elapsed < SAMPLE_PERIOD_S:
-            return False
-        if not 0.0 <= elapsed < WINDOW_S:
-            self._rows[:] = np.nan
-            self._rows[:, 0] = now - SAMPLE_PERIOD_S * np.arange(_SAMPLES, 0, -1)
+        """Add a SNAPSHOT record when the next sample is due."""
         command = snapshot["applied_command"]
-        self._rows[:-1] = self._rows[1:]
-        self._rows[-1, 0] = now
-        self._rows[-1, 1:4] = snapshot["force_true"]
-        self._rows[-1, 4:7] = snapshot["force_estimated"]
-        self._rows[-1, 7:10] = np.where(command["mask"] == 1, command["force_n"], np.nan)
-        return True
+        commanded = np.where(command["mask"] == 1, command["force_n"], np.nan)
+        row = np.concatenate([snapshot["force_true"], snapshot["force_estimated"], commanded, snapshot["force_sigma"]])
+        return self._history.append(float(snapshot["time_s"]), row)
 
     def largest_n(self) -> float:
         """Largest absolute force component in the history, N; zero when there is none."""
-        forces = np.abs(self._rows[:, 1:])
-        return float(forces[np.isfinite(forces)].max(initial=0.0))
+        return self._history.largest()
 
     def series(self, axis: int) -> tuple[np.ndarray, ...]:
-        """Age in s (n,), negative, then true, estimated and commanded force (n,) in N of one axis."""
-        rows = self._rows
-        return rows[:, 0] - rows[-1, 0], rows[:, 1 + axis], rows[:, 4 + axis], rows[:, 7 + axis]
+        """Age in s (n,), negative, then (n,) in N of one axis: true, estimated, commanded, upper and lower edge of the band.
+
+        Where the estimate came without a standard deviation the band has no width.
+        """
+        true, estimated, commanded, sigma = self._history.values[:, axis::3].T
+        half_width = theme.SHOWN_SIGMAS * np.nan_to_num(sigma)
+        return self._history.age_s, true, estimated, commanded, estimated + half_width, estimated - half_width
 
 
 def _scales(range_n: float) -> dict[str, uplot.Scale]:
@@ -59,27 +55,27 @@ def _scales(range_n: float) -> dict[str, uplot.Scale]:
 
 
 class ForceCharts:
-    """Three charts in a panel of their own, all with the same range so that axes compare."""
+    """Three charts, all with the same range so that axes compare."""
 
-    def __init__(self, server: viser.ViserServer) -> None:
+    def __init__(self, gui: viser.GuiApi) -> None:
         self._history = ForceHistory()
         self._next_send_s = 0.0
         self._pending = False
         self._range_n = _RANGES_N[0]
-        panel = server.gui.add_panel()
-        with panel.add_tab("Force on the hand", viser.Icon.CHART_LINE):
-            self._charts = [self._add_chart(server, axis) for axis in range(3)]
-        panel.dock_left()
-        panel.set_width(300)
+        self._charts = [self._add_chart(gui, axis) for axis in range(3)]
+        self._has_sigma: bool | None = None
+        self.note = gui.add_html("")
 
-    def _add_chart(self, server: viser.ViserServer, axis: int) -> viser.GuiUplotHandle:
+    def _add_chart(self, gui: viser.GuiApi, axis: int) -> viser.GuiUplotHandle:
         series = [uplot.Series(label="age [s]")]
         series += [uplot.Series(label=name, stroke=theme.css(color), width=width) for name, color, width in _TRACES]
-        empty = np.array([-WINDOW_S, 0.0]), *(np.full(2, np.nan) for _ in _TRACES)
-        return server.gui.add_uplot(
+        series += [uplot.Series(label=name, width=0.0) for name in ("upper", "lower")]
+        empty = np.array([-WINDOW_S, 0.0]), *(np.full(2, np.nan) for _ in series[1:])
+        return gui.add_uplot(
             empty,
             tuple(series),
             title=f"f{AXES[axis]} [N], last {WINDOW_S:.0f} s",
+            bands=(uplot.Band(series=(_UPPER, _LOWER), fill=theme.css(theme.ESTIMATED) + "55"),),
             scales=_scales(self._range_n),
             axes=(uplot.Axis(show=False), uplot.Axis(size=40)),
             legend=uplot.Legend(show=False),
@@ -101,3 +97,7 @@ class ForceCharts:
                 chart.scales = _scales(range_n)
             chart.data = self._history.series(axis)
         self._range_n = range_n
+        has_sigma = bool(np.isfinite(snapshot["force_sigma"]).all())
+        if has_sigma != self._has_sigma:
+            self._has_sigma = has_sigma
+            self.note.content = f'<div style="{theme.SMALL_TEXT}">{_SIGMA if has_sigma else _NO_SIGMA}</div>'

@@ -20,6 +20,7 @@ from web.camera import Camera
 from web.charts import ForceCharts
 from web.command_panel import CommandPanel
 from web.drag import GrabHandle, TargetGizmo
+from web.estimators_panel import EstimatorsPanel
 from web.force_arrows import ForceArrows
 from web.objects import SceneObjects
 from web.scene import Scene
@@ -31,6 +32,7 @@ from web.wheel_contacts import WheelContacts
 PUMP_PERIOD_S = 1.0 / 30.0
 AFTER_ERROR_S = 1.0
 _PANEL_WIDTH_PX = 320
+_CHARTS_WIDTH_PX = 300
 
 _log = logging.getLogger(__name__)
 
@@ -73,8 +75,14 @@ class Console:
             self._command = CommandPanel(server, sink)
         with tabs.add_tab("Setup", viser.Icon.ADJUSTMENTS):
             self._setup = SetupPanel(server, sink)
-        ViewPanel(server, tabs.add_tab("View", viser.Icon.EYE), self._camera, self._forces, self._contacts)
-        self._charts = ForceCharts(server)
+        ViewPanel(server, sink, tabs.add_tab("View", viser.Icon.EYE), self._camera, self._forces, self._contacts)
+        panel = gui.add_panel()
+        with panel.add_tab("Force on the hand", viser.Icon.CHART_LINE):
+            self._charts = ForceCharts(gui)
+        with panel.add_tab("Estimators", viser.Icon.SCALE):
+            self._estimators = EstimatorsPanel(gui, sink)
+        panel.dock_left()
+        panel.set_width(_CHARTS_WIDTH_PX)
 
     def start(self) -> None:
         """Start the pump."""
@@ -127,3 +135,4 @@ class Console:
         self._command.update(snapshot)
         self._setup.update(snapshot)
         self._charts.update(snapshot)
+        self._estimators.update(snapshot)

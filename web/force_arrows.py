@@ -1,13 +1,16 @@
-"""Force arrows at the hand: commanded, estimated, true.
+"""Force arrows at the hand: commanded, estimated, true, and on demand the estimates that are not selected.
 
-The three stand side by side, so that equal forces stay visible as three arrows instead of hiding each other. Every arrow
+They stand side by side, so that equal forces stay visible as several arrows instead of hiding each other. Every arrow
 is the force of the environment on the robot.
 """
+
+from collections.abc import Sequence
 
 import numpy as np
 import viser
 
 from web import theme
+from web.uncertainty_cone import UncertaintyCone, spread
 
 METERS_PER_NEWTON = 0.01
 SHOWN_FROM_N = 0.5
@@ -19,6 +22,8 @@ _VIEW = np.array([-0.63, 0.63, -0.45])
 
 _SIDES = {"commanded": -1.0, "estimated": 0.0, "true": 1.0}
 _COLORS = {"commanded": theme.COMMANDED, "estimated": theme.ESTIMATED, "true": theme.TRUE}
+_FIRST_OTHER_SIDE, _OTHERS_APART = 1.7, 0.5
+"""Where the estimates that are not selected stand, and how far apart, in the unit of _SIDES."""
 
 
 def rotation_from_yaw(yaw: float) -> np.ndarray:
@@ -35,14 +40,14 @@ def sideways(force: np.ndarray) -> np.ndarray:
 
 
 class Arrows:
-    """A fixed number of arrows of one colour. Arrows without length are hidden."""
+    """One arrow per colour. Arrows without length are hidden."""
 
-    def __init__(self, server: viser.ViserServer, name: str, count: int, color: theme.RGB, radius: float) -> None:
-        self._points = np.zeros((count, 2, 3), np.float32)
+    def __init__(self, server: viser.ViserServer, name: str, colors: Sequence[theme.RGB], radius: float) -> None:
+        self._points = np.zeros((len(colors), 2, 3), np.float32)
         self._handle = server.scene.add_arrows(
             name,
             self._points,
-            theme.in_scene(color),
+            np.array([theme.in_scene(color) for color in colors], np.uint8),
             shaft_radius=radius,
             head_radius=2.4 * radius,
             head_length=5.0 * radius,
@@ -75,12 +80,25 @@ class Arrows:
         if self._handle.visible != visible:
             self._handle.visible = visible
 
+    def hide(self) -> None:
+        """Draw nothing until the next `draw`."""
+        if self._handle.visible:
+            self._handle.visible = False
+
 
 class ForceArrows:
-    """The three forces at the hand."""
+    """The forces at the hand.
+
+    Attributes:
+        arrows: commanded, estimated and true.
+        others: the estimates that are not selected, thin, in the order of the snapshot; switched off at first.
+    """
 
     def __init__(self, server: viser.ViserServer) -> None:
-        self.arrows = {name: Arrows(server, f"/forces/{name}", 1, color, 0.0075) for name, color in _COLORS.items()}
+        self.arrows = {name: Arrows(server, f"/forces/{name}", [color], 0.0075) for name, color in _COLORS.items()}
+        self.others = Arrows(server, "/forces/estimates", theme.ESTIMATORS, 0.003)
+        self.others.enabled = False
+        self.uncertainty = UncertaintyCone(server)
 
     def update(self, snapshot: np.void) -> None:
         """Draw the forces of a SNAPSHOT record."""
@@ -93,12 +111,35 @@ class ForceArrows:
         to_world = rotation_from_yaw(snapshot["heading_yaw"])
         hand = snapshot["end_effector_position_in_world"]
         for name, force in forces.items():
-            # NaN, "not available", compares false and is not drawn.
-            shown = np.array([np.linalg.norm(force) >= SHOWN_FROM_N])
             origin = hand + to_world @ (_SIDES[name] * sideways(force))
-            self.arrows[name].draw(origin[None], METERS_PER_NEWTON * (to_world @ force)[None], shown)
+            self.arrows[name].draw(origin[None], METERS_PER_NEWTON * (to_world @ force)[None], _shown(force[None]))
+        if self.others.enabled or self.others.visible:
+            self._draw_others(snapshot, hand, to_world)
+        self._draw_uncertainty(snapshot, hand, to_world)
+
+    def _draw_others(self, snapshot: np.void, hand: np.ndarray, to_world: np.ndarray) -> None:
+        forces = snapshot["force_estimates"]
+        other = (snapshot["estimator_names"] != b"") & (snapshot["estimator_names"] != snapshot["estimator"])
+        sides = _FIRST_OTHER_SIDE + _OTHERS_APART * (np.cumsum(other) - 1)
+        origins = hand + (sides[:, None] * np.array([sideways(force) for force in forces])) @ to_world.T
+        self.others.draw(origins, METERS_PER_NEWTON * forces @ to_world.T, other & _shown(forces))
+
+    def _draw_uncertainty(self, snapshot: np.void, hand: np.ndarray, to_world: np.ndarray) -> None:
+        force, sigma = snapshot["force_estimated"], snapshot["force_sigma"]
+        size = float(np.linalg.norm(force))
+        if not (self.arrows["estimated"].visible and np.isfinite(sigma).all()):
+            self.uncertainty.hide()
+            return
+        along, across = (METERS_PER_NEWTON * theme.SHOWN_SIGMAS * each for each in spread(force, sigma))
+        self.uncertainty.draw(hand, to_world @ force / size, METERS_PER_NEWTON * size + along, across)
 
     def hide(self) -> None:
         """Draw nothing: there is no live snapshot."""
-        for arrows in self.arrows.values():
-            arrows.draw(np.zeros((1, 3)), np.zeros((1, 3)), np.array([False]))
+        for arrows in (*self.arrows.values(), self.others):
+            arrows.hide()
+        self.uncertainty.hide()
+
+
+def _shown(forces: np.ndarray) -> np.ndarray:
+    # NaN, "not available", compares false and is not drawn.
+    return np.linalg.norm(forces, axis=1) >= SHOWN_FROM_N

@@ -1,4 +1,4 @@
-"""What runs: controller, estimator, scene, backend, the simulated robot's mass error, and the speed of time."""
+"""What runs: controller, scene, backend, the simulated robot's mass error, and the speed of time."""
 
 import html
 import time
@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import viser
 
+from web import theme
 from web.sink import ConsoleSink
 from web.widget_binding import Binding, Worker
 
 _TABLE_PERIOD_S = 0.5
-_STYLE = "padding:0 0.75em 0.5em;font-size:0.8em;line-height:1.5"
 
 
 def text(field: str) -> Callable[[np.void], str]:
@@ -31,22 +31,7 @@ def backends_html(backends: Sequence[dict[str, Any]], selected: str) -> str:
             rows.append(f"<div>{name}: available</div>")
         else:
             rows.append(f'<div style="opacity:0.75">{name}: not available. {html.escape(backend["reason"] or "")}</div>')
-    return f'<div style="{_STYLE}" data-forcelens="backends">Backend{"".join(rows)}</div>'
-
-
-def estimators_html(snapshot: np.void) -> str:
-    """Live error of every estimator against truth, and the estimated mass scale."""
-    rows = []
-    for name, error in zip(snapshot["estimator_names"], snapshot["force_errors_rms"], strict=True):
-        if not name:
-            continue
-        value = f"{error:.1f} N" if np.isfinite(error) else "no truth"
-        mark = "font-weight:600" if name == snapshot["estimator"] else "opacity:0.75"
-        rows.append(f'<tr style="{mark}"><td>{html.escape(name.decode())}</td><td align="right">{value}</td></tr>')
-    scale = snapshot["mass_scale_estimated"]
-    mass = f"Estimated mass: {scale:.2f} of nominal" if np.isfinite(scale) else "The selected estimator does not estimate mass"
-    table = f'<table style="width:100%">{"".join(rows)}</table>'
-    return f'<div style="{_STYLE}">Force error, rms over 5 s{table}{mass}</div>'
+    return f'<div style="{theme.SMALL_TEXT}" data-forcelens="backends">Backend{"".join(rows)}</div>'
 
 
 class SetupPanel:
@@ -56,8 +41,6 @@ class SetupPanel:
         gui, choices = server.gui, sink.available()
         self._choices = choices
         controller = gui.add_dropdown("Controller", tuple(choices["controllers"]))
-        self.estimator = gui.add_dropdown("Estimator", tuple(choices["estimators"]), hint="Its estimate feeds the controller.")
-        self._errors = gui.add_html("")
         scene = gui.add_dropdown("Scene", tuple(choices["scenes"]), hint="Loads the scene with the robot at its start.")
         self.mass = gui.add_slider(
             "Robot mass [x]", 0.5, 1.5, 0.01, 1.0, hint="Scales the simulated robot's mass. The estimators are not told."
@@ -67,7 +50,6 @@ class SetupPanel:
         worker = Worker()
         self._bindings = [
             Binding(controller, text("controller"), sink.select_controller, worker),
-            Binding(self.estimator, text("estimator"), sink.select_estimator, worker),
             Binding(scene, text("scene"), sink.set_scene, worker),
             Binding(self.mass, lambda s: float(s["mass_scale_true"]), sink.set_mismatch, worker),
             Binding(self.speed, lambda s: float(s["speed"]), lambda value: sink.set_run(None, value), worker),
@@ -81,5 +63,4 @@ class SetupPanel:
         now = time.monotonic()
         if now >= self._next_table_s:
             self._next_table_s = now + _TABLE_PERIOD_S
-            self._errors.content = estimators_html(snapshot)
             self._backends.content = backends_html(self._choices["backends"], snapshot["backend"].decode())

@@ -15,6 +15,24 @@ HANDLE: RGB = (240, 228, 66)
 CONE: RGB = (150, 160, 180)
 CONE_EXCEEDED: RGB = (213, 94, 0)
 
+ESTIMATORS: tuple[RGB, ...] = (
+    (213, 94, 0),
+    (204, 121, 167),
+    (86, 180, 233),
+    (240, 228, 66),
+    (120, 130, 255),
+    (150, 220, 110),
+    (160, 130, 100),
+    (150, 160, 180),
+)
+"""One per estimator, in the order of the snapshot."""
+
+SHOWN_SIGMAS = 2.0
+"""Half-width of what shows the uncertainty of an estimate, in standard deviations."""
+
+SMALL_TEXT = "padding:0 0.75em 0.5em;font-size:0.8em;line-height:1.5"
+"""CSS of notes and tables between widgets."""
+
 BRAND: RGB = (58, 122, 190)
 FLOOR: RGB = (24, 28, 34)
 GRID_CELL: RGB = (48, 54, 64)

@@ -1,11 +1,14 @@
 """What is shown: camera presets, following, and which arrows. Camera and following are each client's own."""
 
+from collections.abc import Sequence
 from typing import Literal
 
 import viser
 
 from web.camera import PRESETS, Camera
+from web.estimators_panel import legend_html
 from web.force_arrows import ForceArrows
+from web.sink import ConsoleSink
 from web.wheel_contacts import WheelContacts
 
 _HOTKEYS: tuple[Literal["1", "2", "3", "4", "5"], ...] = ("1", "2", "3", "4", "5")
@@ -17,6 +20,7 @@ class ViewPanel:
     def __init__(
         self,
         server: viser.ViserServer,
+        sink: ConsoleSink,
         container: viser.GuiTabHandle,
         camera: Camera,
         forces: ForceArrows,
@@ -26,6 +30,7 @@ class ViewPanel:
         with container:
             self._add_presets(server)
             self._add_visibility(server, forces, contacts)
+            self._add_estimates(server, forces, sink.available()["estimators"])
 
         @server.on_client_connect
         async def _(client: viser.ClientHandle) -> None:
@@ -74,3 +79,13 @@ class ViewPanel:
         @cones.on_update
         async def _(_: viser.GuiEvent) -> None:
             contacts.cones_enabled = cones.value
+
+    def _add_estimates(self, server: viser.ViserServer, forces: ForceArrows, names: Sequence[str]) -> None:
+        every = server.gui.add_checkbox(
+            "All estimates", False, hint="Thin arrows at the hand for the estimators that do not feed the controller."
+        )
+        legend = server.gui.add_html(legend_html(names), visible=False)
+
+        @every.on_update
+        async def _(_: viser.GuiEvent) -> None:
+            forces.others.enabled = legend.visible = every.value

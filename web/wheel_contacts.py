@@ -8,6 +8,7 @@ import viser
 
 from control.joints import LEGS
 from web import theme
+from web.cone_mesh import cone_mesh
 from web.force_arrows import Arrows, rotation_from_yaw
 
 METERS_PER_NEWTON = 0.0025
@@ -16,21 +17,10 @@ FRICTION_COEFFICIENT = 0.8
 
 _COUNT = len(LEGS)
 _CONE_HEIGHT_M = 0.11
-_FACES = 28
 _HIDDEN_SCALE = 1e-4
 _APART = np.array([0.012, 0.0, 0.0])
 _OUTWARD = np.array([[0.0, 0.045 if leg[1] == "L" else -0.045, 0.0] for leg in LEGS])
 """(4, 3) m, heading frame: arrows stand beside the wheel, which would hide them."""
-
-
-def cone_mesh() -> tuple[np.ndarray, np.ndarray]:
-    """Vertices (n, 3) and faces (m, 3) of a friction cone, apex at the contact, axis up, height in metres."""
-    angle = np.linspace(0.0, 2.0 * np.pi, _FACES, endpoint=False)
-    radius = FRICTION_COEFFICIENT * _CONE_HEIGHT_M
-    rim = np.stack([radius * np.cos(angle), radius * np.sin(angle), np.full(_FACES, _CONE_HEIGHT_M)], axis=1)
-    first = np.arange(_FACES)
-    faces = np.stack([np.zeros(_FACES, int), 1 + first, 1 + (first + 1) % _FACES], axis=1)
-    return np.vstack([np.zeros(3), rim]), faces
 
 
 def outside_cone(forces: np.ndarray) -> np.ndarray:
@@ -42,9 +32,9 @@ class WheelContacts:
     """Contact forces and cones of the four wheels."""
 
     def __init__(self, server: viser.ViserServer) -> None:
-        self.estimated = Arrows(server, "/contacts/estimated", _COUNT, theme.ESTIMATED, 0.005)
-        self.true = Arrows(server, "/contacts/true", _COUNT, theme.TRUE, 0.005)
-        vertices, faces = cone_mesh()
+        self.estimated = Arrows(server, "/contacts/estimated", [theme.ESTIMATED] * _COUNT, 0.005)
+        self.true = Arrows(server, "/contacts/true", [theme.TRUE] * _COUNT, 0.005)
+        vertices, faces = cone_mesh(FRICTION_COEFFICIENT * _CONE_HEIGHT_M, _CONE_HEIGHT_M)
         wxyz = np.zeros((_COUNT, 4))
         wxyz[:, 0] = 1.0
         self.cones = server.scene.add_batched_meshes_simple(
@@ -96,8 +86,7 @@ class WheelContacts:
 
     def hide(self) -> None:
         """Draw nothing: there is no live snapshot."""
-        nowhere = np.zeros((_COUNT, 3))
+        self.estimated.hide()
+        self.true.hide()
         none = np.zeros(_COUNT, bool)
-        self.estimated.draw(nowhere, nowhere, none)
-        self.true.draw(nowhere, nowhere, none)
-        self._update_cones(nowhere, none, none)
+        self._update_cones(np.zeros((_COUNT, 3)), none, none)

@@ -14,6 +14,14 @@ EDIT_GRACE_S = 0.6
 """An edit needs a moment to come back in the snapshot; until then the snapshot must not undo it."""
 
 
+def attempt(action: Callable[[], object], client: viser.ClientHandle | None) -> None:
+    """Do what a client asked for; tell it when that is refused."""
+    try:
+        action()
+    except (ValueError, RuntimeError) as refusal:
+        notify(client, str(refusal))
+
+
 class Worker:
     """Runs actions that wait for the control process, off Viser's event loop. Of one key only the newest is kept."""
 
@@ -75,9 +83,7 @@ class Binding:
 
     def _act(self, value: Any, client: viser.ClientHandle) -> None:
         try:
-            self._send(value)
-        except (ValueError, RuntimeError) as refusal:
-            notify(client, str(refusal))
+            attempt(lambda: self._send(value), client)
         finally:
             self._hold_until_s = time.monotonic() + EDIT_GRACE_S
 

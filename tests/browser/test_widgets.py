@@ -42,18 +42,34 @@ def test_guidance(client: Client, api: Api) -> None:
 
 def test_the_setup(client: Client, api: Api) -> None:
     client.show_tab("Setup")
-    client.choose("Estimator", "gmo_pi")
-    api.until(lambda state: state["estimator"] == "gmo_pi", "the estimator changes")
-    eventually(lambda: client.text("estimator") == "gmo_pi", "the bar shows it")
     client.enter("Robot mass [x]", 1.1)
     api.until(lambda state: state["mass_scale_true"] == pytest.approx(1.1), "the mass changes")
     client.enter("Speed [x]", 0.5)
     api.until(lambda state: state["loop"]["speed"] == pytest.approx(0.5), "the speed changes")
     assert "hardware: " in client.viser.locator('[data-forcelens="backends"]').inner_text()
     api.call("PUT", "mismatch", {"mass_scale": 1.0})
-    api.call("PUT", "estimator", {"name": "adaptive"})
-    eventually(lambda: client.field("Estimator").input_value() == "adaptive", "the dropdown shows a change by REST")
     eventually(lambda: float(client.number("Robot mass [x]").input_value()) == 1.0, "the slider shows a change by REST")
+
+
+def test_the_estimators_side_by_side(client: Client, api: Api) -> None:
+    client.show_tab("Estimators")
+    table = client.viser.locator('[data-forcelens="estimators"]')
+    errors = api.call("GET", "estimator")["available"]
+    for each in errors:
+        eventually(lambda name=each["name"]: name in table.inner_text(), "every estimator is listed")
+    client.viser.get_by_role("button", name="gmo_pi").click()
+    api.until(lambda state: state["estimator"] == "gmo_pi", "one click changes the estimator")
+    eventually(lambda: client.text("estimator") == "gmo_pi", "the bar shows it")
+    eventually(lambda: "gmo_pi (feeds the controller)" in table.inner_text(), "the table shows it")
+    api.call("PUT", "estimator", {"name": "adaptive"})
+    eventually(lambda: "adaptive (feeds the controller)" in table.inner_text(), "the table shows a change by REST")
+    client.show_tab("Force on the hand")
+    client.show_tab("View")
+    client.field("All estimates").click()
+    legend = client.viser.locator('[data-forcelens="legend"]')
+    eventually(lambda: "gmo_cqp" in legend.inner_text(), "the legend says whose arrow is which")
+    client.field("All estimates").click()
+    client.show_tab("Command")
 
 
 def test_every_scene_loads(client: Client, api: Api) -> None:

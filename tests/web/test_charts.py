@@ -2,8 +2,10 @@
 
 import numpy as np
 import pytest
+import viser
 
-from web.charts import SAMPLE_PERIOD_S, WINDOW_S, ForceHistory
+from web.charts import SAMPLE_PERIOD_S, WINDOW_S, ForceCharts, ForceHistory
+from web.theme import SHOWN_SIGMAS
 
 
 @pytest.fixture
@@ -22,7 +24,7 @@ def feed(history: ForceHistory, snapshot: np.void, times: np.ndarray) -> int:
 
 def test_it_spans_the_window_and_ends_now(history: ForceHistory, snapshot: np.void) -> None:
     feed(history, snapshot, np.arange(0.0, 30.0, SAMPLE_PERIOD_S))
-    age, true, _, _ = history.series(0)
+    age, true, *_ = history.series(0)
     assert age[-1] == 0.0
     assert WINDOW_S <= -age[0] <= 1.5 * WINDOW_S
     assert (np.diff(age) > 0.0).all()
@@ -42,7 +44,7 @@ def test_time_that_stands_still_adds_nothing(history: ForceHistory, snapshot: np
 def test_a_reset_or_a_long_gap_starts_afresh(history: ForceHistory, snapshot: np.void, jump: float) -> None:
     feed(history, snapshot, np.arange(5.0, 10.0, 0.05))
     feed(history, snapshot, np.array([jump]))
-    age, true, _, _ = history.series(0)
+    age, true, *_ = history.series(0)
     assert np.isfinite(true).sum() == 1
     assert np.isfinite(age).all()
 
@@ -58,3 +60,22 @@ def test_the_commanded_trace_exists_on_force_axes_only(history: ForceHistory, sn
 
 def test_an_empty_history_has_no_force(history: ForceHistory) -> None:
     assert history.largest_n() == 0.0
+
+
+def test_the_band_spans_what_the_estimator_states_and_nothing_where_it_states_nothing(
+    history: ForceHistory, snapshot: np.void
+) -> None:
+    snapshot["force_estimated"] = [1.0, 2.0, 10.0]
+    for now, sigma in ((0.0, 0.5), (0.1, np.nan)):
+        snapshot["time_s"], snapshot["force_sigma"] = now, [9.0, 9.0, sigma]
+        history.append(snapshot)
+    *_, upper, lower = history.series(2)
+    np.testing.assert_allclose(upper[-2:], [10.0 + SHOWN_SIGMAS * 0.5, 10.0])
+    np.testing.assert_allclose(lower[-2:], [10.0 - SHOWN_SIGMAS * 0.5, 10.0])
+
+
+def test_the_charts_say_whether_there_is_an_uncertainty(server: viser.ViserServer, snapshot: np.void) -> None:
+    charts = ForceCharts(server.gui)
+    snapshot["force_sigma"] = np.nan
+    charts.update(snapshot)
+    assert "does not state" in charts.note.content

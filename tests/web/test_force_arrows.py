@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 import viser
 
+from control.frames import rotation_from_quaternion
 from web.force_arrows import METERS_PER_NEWTON, SHOWN_FROM_N, Arrows, ForceArrows, sideways
-from web.theme import COMMANDED
+from web.theme import COMMANDED, SHOWN_SIGMAS
+from web.uncertainty_cone import spread
 
 DIRECTIONS = np.vstack([np.eye(3), -np.eye(3), [[1, 1, 1], [1, -1, 0], [0.2, 0.9, -0.4]]])
 
@@ -60,13 +62,66 @@ def test_unknown_and_negligible_forces_are_not_drawn(arrows: ForceArrows, snapsh
 
 
 def test_nothing_is_drawn_without_a_live_snapshot(arrows: ForceArrows, snapshot: np.void) -> None:
+    arrows.others.enabled = True
+    snapshot["force_sigma"] = 0.5
     arrows.update(snapshot)
     arrows.hide()
-    assert not any(each.visible for each in arrows.arrows.values())
+    assert not any(each.visible for each in (*arrows.arrows.values(), arrows.others, arrows.uncertainty.mesh))
+
+
+def test_the_other_estimates_show_on_demand_beside_each_other(arrows: ForceArrows, snapshot: np.void) -> None:
+    snapshot["estimator_names"][:4] = [b"gmo_pi", b"adaptive", b"tcn", b"hybrid"]
+    snapshot["force_estimates"] = np.nan
+    snapshot["force_estimates"][[0, 1, 3]] = [[0.0, 0.0, 8.0], [0.0, 0.0, 10.0], [0.0, 0.0, 12.0]]
+    arrows.update(snapshot)
+    assert not arrows.others.visible
+    arrows.others.enabled = True
+    arrows.update(snapshot)
+    assert arrows.others.visible
+    lengths = arrows.others.points[:, 1] - arrows.others.points[:, 0]
+    shown = arrows.others.points[:, 0, 2] > 0.0
+    assert shown.tolist() == [True, False, False, True, False, False, False, False]
+    np.testing.assert_allclose(lengths[shown], METERS_PER_NEWTON * np.array([[0, 0, 8.0], [0, 0, 12.0]]), atol=1e-6)
+    starts = np.vstack([segment(arrows.arrows["true"])[0], arrows.others.points[shown, 0]])
+    assert np.linalg.norm(np.diff(starts, axis=0), axis=1).min() > 0.01
+
+
+def test_the_cone_is_as_wide_as_the_estimate_is_uncertain(arrows: ForceArrows, snapshot: np.void) -> None:
+    cone = arrows.uncertainty.mesh
+    snapshot["heading_yaw"] = np.pi / 2
+    snapshot["force_estimated"], snapshot["force_sigma"] = [10.0, 0.0, 0.0], [0.5, 3.0, 3.0]
+    arrows.update(snapshot)
+    assert cone.visible
+    radius, height = SHOWN_SIGMAS * 3.0 * METERS_PER_NEWTON, (10.0 + SHOWN_SIGMAS * 0.5) * METERS_PER_NEWTON
+    np.testing.assert_allclose(cone.scale, [radius, radius, height])
+    axis = rotation_from_quaternion(np.asarray(cone.wxyz)) @ [0.0, 0.0, 1.0]
+    np.testing.assert_allclose(axis, [0.0, 1.0, 0.0], atol=1e-6)
+    np.testing.assert_allclose(cone.position, snapshot["end_effector_position_in_world"])
+
+
+@pytest.mark.parametrize("sigma", [np.nan, 1.0])
+def test_an_estimate_without_sigma_or_size_has_no_cone(arrows: ForceArrows, snapshot: np.void, sigma: float) -> None:
+    snapshot["force_sigma"] = sigma
+    if np.isfinite(sigma):
+        snapshot["force_estimated"] = 0.1
+    arrows.update(snapshot)
+    assert not arrows.uncertainty.mesh.visible
+
+
+@pytest.mark.parametrize("direction", DIRECTIONS)
+def test_the_spread_is_that_of_the_normal_distribution(direction: np.ndarray) -> None:
+    sigma = np.array([0.4, 1.0, 2.5])
+    unit = direction / np.linalg.norm(direction)
+    along, across = spread(7.0 * unit, sigma)
+    covariance = np.diag(sigma**2)
+    sideways_basis = np.linalg.svd(unit[None])[2][1:]
+    assert along**2 == pytest.approx(unit @ covariance @ unit)
+    assert across**2 == pytest.approx(np.mean([each @ covariance @ each for each in sideways_basis]))
+    assert spread(3.0 * unit, np.full(3, 0.7)) == pytest.approx((0.7, 0.7))
 
 
 def test_a_switched_off_group_stays_hidden(server: viser.ViserServer) -> None:
-    arrows = Arrows(server, "/test_arrows", 1, COMMANDED, 0.01)
+    arrows = Arrows(server, "/test_arrows", [COMMANDED], 0.01)
     arrows.enabled = False
     arrows.draw(np.zeros((1, 3)), np.ones((1, 3)), np.array([True]))
     assert not arrows.visible

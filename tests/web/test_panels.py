@@ -9,7 +9,7 @@ from control.safety import Fault
 from sim.snapshot import Mode
 from web.alert import alert_text
 from web.command_panel import CommandPanel, reachable
-from web.setup_panel import SetupPanel, backends_html, estimators_html
+from web.setup_panel import SetupPanel, backends_html
 
 
 @pytest.fixture
@@ -49,23 +49,15 @@ def test_targets_out_of_reach_become_the_nearest_reachable(sink: RecordingSink) 
 
 def test_what_runs_is_shown(server: viser.ViserServer, sink: RecordingSink, snapshot: np.void) -> None:
     setup = SetupPanel(server, sink)
-    snapshot["estimator"], snapshot["mass_scale_true"], snapshot["speed"] = b"gmo_pi", 1.2, 0.5
+    snapshot["mass_scale_true"], snapshot["speed"] = 1.2, 0.5
     setup.update(snapshot)
-    assert (setup.estimator.value, setup.mass.value, setup.speed.value) == ("gmo_pi", 1.2, 0.5)
+    assert (setup.mass.value, setup.speed.value) == (1.2, 0.5)
 
 
 def test_a_backend_that_cannot_be_used_says_why(sink: RecordingSink) -> None:
     text = backends_html(sink.available()["backends"], "simulation")
     assert "<b>simulation</b>: in use" in text
     assert "hardware: not available. no robot &lt;answers&gt;" in text
-
-
-def test_estimators_are_compared_with_truth_where_there_is_truth(snapshot: np.void) -> None:
-    text = estimators_html(snapshot)
-    assert "gmo_pi" in text
-    assert "3.2 N" in text
-    snapshot["force_errors_rms"] = np.nan
-    assert "no truth" in estimators_html(snapshot)
 
 
 @pytest.mark.parametrize(

@@ -9,8 +9,9 @@ from hypothesis import strategies as st
 
 from control.joints import LEGS
 from control.robot_model import ROBOT_MJCF
+from web.cone_mesh import cone_mesh
 from web.theme import CONE, CONE_EXCEEDED
-from web.wheel_contacts import FRICTION_COEFFICIENT, METERS_PER_NEWTON, WheelContacts, cone_mesh, outside_cone
+from web.wheel_contacts import FRICTION_COEFFICIENT, METERS_PER_NEWTON, WheelContacts, outside_cone
 
 finite = st.floats(-200.0, 200.0)
 
@@ -19,9 +20,13 @@ def test_the_cone_has_the_friction_coefficient_of_the_robot_model() -> None:
     model = mujoco.MjModel.from_xml_path(str(ROBOT_MJCF))
     for leg in LEGS:
         assert model.geom(f"{leg}_wheel").friction[0] == FRICTION_COEFFICIENT
-    vertices, faces = cone_mesh()
+
+
+def test_a_cone_stands_on_its_apex() -> None:
+    vertices, faces = cone_mesh(0.3, 0.5)
     rim = vertices[1:]
-    np.testing.assert_allclose(np.hypot(rim[:, 0], rim[:, 1]) / rim[:, 2], FRICTION_COEFFICIENT)
+    np.testing.assert_allclose(np.hypot(rim[:, 0], rim[:, 1]), 0.3)
+    np.testing.assert_allclose(rim[:, 2], 0.5)
     assert not vertices[0].any()
     assert (np.sort(np.unique(faces)) == np.arange(len(vertices))).all()
 
