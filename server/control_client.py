@@ -14,13 +14,13 @@ from typing import Any
 
 import numpy as np
 
-from server import shared_record
+from sim import shared_record
 from server.control_process import ControlLaunch, control_process
 from server.errors import ControlDeadError, ControlTimeoutError, InvalidFieldError, MissingError, RefusedError, ServerError
 from server.messages import Close, Event, Fatal, Outcome, Ready, Reply
 from server.session_events import SLOW_EVENTS
 from server.setpoint import default_setpoint
-from server.shared_record import SharedRecord
+from sim.shared_record import SharedRecord
 from sim.snapshot import SETPOINT, SNAPSHOT
 
 START_TIMEOUT_S = 60.0

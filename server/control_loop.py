@@ -16,7 +16,7 @@ from server.messages import Close, Event, Outcome, Reply
 from server.pacing import Pacer
 from server.session_events import SLOW_EVENTS, EventError, SessionEvents
 from server.setpoint import default_setpoint
-from server.shared_record import SharedRecord
+from sim.shared_record import SharedRecord
 from sim.backends.protocol import BackendError
 from sim.session import Session
 from sim.snapshot import SNAPSHOT, Mode

@@ -18,7 +18,7 @@ from server.control_loop import ControlLoop
 from server.messages import Fatal, Ready
 from server.pacing import Pacer
 from server.session_events import describe
-from server.shared_record import SharedRecord
+from sim.shared_record import SharedRecord
 from sim.backends.protocol import BackendError
 from sim.session import Session, SessionConfig
 from sim.snapshot import SETPOINT, SNAPSHOT

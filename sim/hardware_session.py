@@ -4,7 +4,6 @@ Before POLICY the pipeline watches: estimates are shown, its commands go nowhere
 POLICY the pipeline starts afresh from the measured posture, so that nothing of the time before jumps into the motors.
 """
 
-from dataclasses import asdict
 from typing import Any, NoReturn, cast
 
 import numpy as np
@@ -18,6 +17,9 @@ from sim.backends.mujoco_backend import MujocoBackend
 from sim.session import Session, SessionConfig, SessionError
 from sim.snapshot import Mode
 from sim.wrenches import ActiveWrench
+
+
+REQUEST_NAMES = tuple(request.name.lower() for request in Request if request != Request.NONE)
 
 
 class HardwareSession(Session):
@@ -66,21 +68,15 @@ class HardwareSession(Session):
         self._drive_state = state
         return super().tick(command, command_age_s)
 
-    def drive(self, request: str) -> None:
-        """Ask for a change of the drives' state, by the name of a Request in lower case.
+    def drive(self, request: str) -> int:
+        """Ask for a change of the drives' state, by the name of a Request in lower case; returns its sequence number.
 
         Raises:
             ValueError: no such request.
         """
-        names = [item.name.lower() for item in Request if item != Request.NONE]
-        if request not in names:
-            raise ValueError(f"request must be one of {', '.join(names)}")
-        self.hardware.request(Request[request.upper()])
-
-    def hardware_status(self) -> dict[str, Any]:
-        """What a page shows of the robot and its link: HardwareStatus as plain values, the state by name."""
-        status = asdict(self.hardware.status())
-        return {**status, "state": DriveState(status["state"]).name.lower()}
+        if request not in REQUEST_NAMES:
+            raise ValueError(f"request must be one of {', '.join(REQUEST_NAMES)}")
+        return self.hardware.request(Request[request.upper()])
 
     def estop(self) -> None:
         """Latch the e-stop here and in the I/O process."""

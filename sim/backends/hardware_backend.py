@@ -9,23 +9,22 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
 
-from control.joints import JOINT_COUNT, JOINT_NAMES
 from control.types import JointCommand, SensorFrame
 from sim.backends.hardware.config import HardwareConfig
-from sim.backends.hardware.records import IO_COMMAND, IO_STATE, IoMemory, memory_path
-from sim.backends.hardware.states import DriveState, Request, Trip, describe
+from sim.backends.hardware.records import IO_COMMAND, IO_STATE, READ_ATTEMPTS, IoMemory, memory_path
+from sim.backends.hardware.remote import ALIVE_S, HardwareRemote
+from sim.backends.hardware.states import DriveState, Request
+from sim.backends.hardware.status import HardwareStatus, status_from_record
 from sim.backends.protocol import BackendError, Capabilities
 from sim.backends.unitree.dds import INSTALL_HINT
 
 HONESTY = "protocol-verified, not robot-verified"
 _ROOT = Path(__file__).resolve().parents[2]
-_ALIVE_S = 1.0
 _START_S = 20.0
 _FIRST_STATE_S = 5.0
 
@@ -35,65 +34,6 @@ def unavailable_because() -> str | None:
     if sys.platform != "linux":
         return "the hardware backend needs Linux (shared memory, process signals)"
     return None if find_spec("cyclonedds") is not None else INSTALL_HINT
-
-
-def estop_from_anywhere(config: HardwareConfig) -> None:
-    """Stop the robot from any process of this user, also when its control process is dead.
-
-    Raises:
-        BackendError: no I/O process runs, so nothing of ours moves the robot.
-    """
-    IoMemory(memory_path(config)).estop = True
-
-
-@dataclass(frozen=True, slots=True)
-class MotorHealth:
-    """One row of the health table; `lost` is None for the arm, which does not count."""
-
-    name: str
-    temperature_c: float
-    torque_nm: float
-    lost: int | None
-
-
-@dataclass(frozen=True, slots=True)
-class HardwareStatus:
-    """What a page shows of the robot and its link.
-
-    Attributes:
-        state: of the drives.
-        faults, warnings: in words.
-        message: last refusal, failure or fault.
-        engaging, progress: release and self-test, or a motion, under way; 0 to 1.
-        dry_run: nothing is sent.
-        base_age_s, arm_age_s: of their newest states.
-        battery_percent, battery_v: as the base reports.
-        motors: 22 rows.
-        states_received, states_missed, bad_messages, frames_sent, foreign_writers: counters of the link.
-        worst_period_ms, tick_work_ms: of the I/O process.
-        realtime_scheduling: SCHED_FIFO was granted to it.
-    """
-
-    state: DriveState
-    faults: tuple[str, ...]
-    warnings: tuple[str, ...]
-    message: str
-    engaging: bool
-    progress: float
-    dry_run: bool
-    base_age_s: float
-    arm_age_s: float
-    battery_percent: int
-    battery_v: float
-    motors: tuple[MotorHealth, ...]
-    states_received: int
-    states_missed: int
-    bad_messages: int
-    frames_sent: int
-    foreign_writers: int
-    worst_period_ms: float
-    tick_work_ms: float
-    realtime_scheduling: bool
 
 
 class HardwareBackend:
@@ -136,6 +76,7 @@ class HardwareBackend:
             self.heartbeat()
             if time.monotonic() > deadline:
                 missing = "the base" if not np.isfinite(self._record["base_received_s"]) else "the arm (is z1_ctrl running?)"
+                self.close()
                 raise BackendError(
                     f"no state from {missing} on DDS domain {self.config.base.domain}, interface "
                     f"{self.config.base.interface!r}; check cable and power, or start `forcelens emulate`"
@@ -143,10 +84,19 @@ class HardwareBackend:
             time.sleep(0.01)
 
     def read(self) -> SensorFrame:
-        """Newest sensor frame; `time_s` counts from `open`. It grows old when the robot falls silent."""
+        """Newest sensor frame; `time_s` counts from `open`. It grows old when the robot falls silent.
+
+        Raises:
+            BackendError: not open, or the I/O process has died: nobody commands the robot any more.
+        """
         self._refresh()
         if self._frame is None:
             raise BackendError("the hardware backend is not open; call open() first")
+        if self._clock() - float(self._record["time_s"]) > ALIVE_S:
+            raise BackendError(
+                f"the I/O process (pid {self.io_pid}) is silent and sends the robot nothing; use the robot's own stop, then "
+                "POST /api/v1/control/restart"
+            )
         return self._frame
 
     @property
@@ -174,13 +124,14 @@ class HardwareBackend:
         record["operator_silent_s"] = self.operator_silent_s
         self._opened.command.write(self._command)
 
-    def request(self, request: Request) -> None:
-        """Ask for a change of the drives' state; `status` tells what became of it."""
+    def request(self, request: Request) -> int:
+        """Ask for a change of the drives' state. `status` tells what became of it, by the sequence number returned here."""
         record = self._command[0]
         record["request"] = request
         record["request_sequence"] += 1
         record["alive_s"] = self._clock()
         self._opened.command.write(self._command)
+        return int(record["request_sequence"])
 
     @property
     def state(self) -> DriveState:
@@ -202,38 +153,12 @@ class HardwareBackend:
     def status(self) -> HardwareStatus:
         """Everything the page shows."""
         self._refresh()
-        record, now = self._record, self._clock()
-        lost: list[int | None] = [int(value) for value in record["lost"]] + [None] * (JOINT_COUNT - 16)
-        motors = zip(JOINT_NAMES, record["temperature"], record["joint_torque"], lost, strict=True)
-        return HardwareStatus(
-            state=DriveState(int(record["state"])),
-            faults=tuple(describe(Trip(int(record["faults"])))),
-            warnings=tuple(describe(Trip(int(record["warnings"])))),
-            message=bytes(record["message"]).decode(errors="replace"),
-            engaging=bool(record["engaging"]),
-            progress=float(record["progress"]),
-            dry_run=bool(record["dry_run"]),
-            base_age_s=now - float(record["base_received_s"]),
-            arm_age_s=now - float(record["arm_received_s"]),
-            battery_percent=int(record["battery_percent"]),
-            battery_v=float(record["battery_v"]),
-            motors=tuple(MotorHealth(name, float(t), float(torque), count) for name, t, torque, count in motors),
-            states_received=int(record["states_received"]),
-            states_missed=int(record["states_missed"]),
-            bad_messages=int(record["bad_messages"]),
-            frames_sent=int(record["frames_sent"]),
-            foreign_writers=int(record["foreign_writers"]),
-            worst_period_ms=float(record["worst_period_ms"]),
-            tick_work_ms=float(record["tick_work_ms"]),
-            realtime_scheduling=bool(record["realtime_scheduling"]),
-        )
+        return status_from_record(self._record, self._clock())
 
     def close(self) -> None:
-        """Leave the drives in damping and let go; the I/O process keeps damping and ends once the robot is at rest."""
-        if self._memory is None:
-            return
-        if DriveState(int(self._record["state"])) not in (DriveState.DISCONNECTED, DriveState.OBSERVE, DriveState.FAULT):
-            self.request(Request.DAMP)
+        """Let go: the I/O process damps, and ends when the robot is at rest."""
+        if self._memory is not None:
+            HardwareRemote(self.config).end()
         self._memory = None
         self._frame = None
 
@@ -255,7 +180,10 @@ class HardwareBackend:
         except BackendError:
             return False
         newest = memory.state.read()
-        if newest is None or self._clock() - float(newest[0]["time_s"]) > _ALIVE_S:
+        while newest is not None and self._lives(newest[0]) and newest[0]["ending"]:
+            time.sleep(0.05)  # at most until the robot is at rest, or the process gives up on that
+            newest = memory.state.read()
+        if newest is None or not self._lives(newest[0]):
             return False
         dry_run, pid = bool(newest[0]["dry_run"]), int(newest[0]["pid"])
         if dry_run != self.config.dry_run:
@@ -265,12 +193,16 @@ class HardwareBackend:
         self._command[0]["sequence"] = time.monotonic_ns()  # never that of the predecessor's last command
         return True
 
+    def _lives(self, record: np.void) -> bool:
+        return self._clock() - float(record["time_s"]) < ALIVE_S
+
     def _launch(self) -> None:
         environment = dict(os.environ)
         environment["PYTHONPATH"] = os.pathsep.join(filter(None, [str(_ROOT), environment.get("PYTHONPATH")]))
         self._process = subprocess.Popen(
             [sys.executable, "-m", "sim.backends.io_process", "--config", self.config.to_json()],
             stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
             env=environment,
             start_new_session=True,  # a signal to our process group must not reach it
         )
@@ -278,13 +210,15 @@ class HardwareBackend:
         while not self._attach():
             status = self._process.poll()
             if status is not None:
-                raise BackendError(f"the I/O process refused to start (status {status}); its message is on standard error")
+                assert self._process.stdout is not None
+                reason = self._process.stdout.read().decode(errors="replace")
+                raise BackendError(reason or f"the I/O process did not start (status {status}); see standard error")
             if time.monotonic() > deadline:
                 raise BackendError(f"the I/O process did not start within {_START_S:.0f} s")
             time.sleep(0.02)
 
     def _refresh(self) -> bool:
-        newest = self._opened.state.read()
+        newest = self._opened.state.read(READ_ATTEMPTS)
         if newest is None:
             return False
         record = self._record = newest[0]

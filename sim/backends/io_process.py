@@ -100,6 +100,7 @@ class IoProcess:
 
     def _on_end(self, *_: Any) -> None:
         self.loop.signalled |= Trip.SIGNAL
+        self.loop.ending = True
         self._end_asked_s = time.monotonic()
 
 
@@ -131,6 +132,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         process = IoProcess(options.config)
     except BackendError as error:
         _log.error("%s", error)
+        sys.stdout.write(str(error))  # for the process that started this one
         return EXIT_REFUSED
     process.run()
     return 0

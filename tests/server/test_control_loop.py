@@ -11,11 +11,11 @@ import pytest
 from fake_session import FakeSession
 
 from control.command import DEFAULT_COMMAND
-from server import shared_record
+from sim import shared_record
 from server.control_loop import PUBLISH_EVERY, ControlLoop
 from server.messages import Close, Event, Outcome, Reply
 from server.pacing import Pacer
-from server.shared_record import SharedRecord
+from sim.shared_record import SharedRecord
 from sim.snapshot import SETPOINT, SNAPSHOT, Mode
 
 CONTEXT = multiprocessing.get_context("spawn")

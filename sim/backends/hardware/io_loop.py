@@ -8,7 +8,7 @@ import numpy as np
 
 from control.types import JointCommand
 from sim.backends.hardware.config import HardwareConfig
-from sim.backends.hardware.records import IO_STATE, IoMemory
+from sim.backends.hardware.records import IO_STATE, READ_ATTEMPTS, IoMemory
 from sim.backends.hardware.robot import Robot
 from sim.backends.hardware.states import Request, Trip
 from sim.backends.hardware.supervisor import ControlInput, Supervisor
@@ -42,6 +42,8 @@ class IoLoop:
         self.supervisor = supervisor
         self.signalled = Trip.NONE
         """Set by signal handlers: an e-stop from outside, kept until the fault is cleared."""
+        self.ending = False
+        """Told to end; reported, so that nobody attaches any more."""
         self.control_heard_s = -np.inf
         self._memory = memory
         self._clock = work_clock
@@ -71,7 +73,7 @@ class IoLoop:
         if self._memory.estop:
             self._memory.estop = False
             estop |= Trip.ESTOP
-        newest = self._memory.command.read()
+        newest = self._memory.command.read(READ_ATTEMPTS)
         if newest is not None:
             self._heard = newest[0]
         # Without a new record (a writer caught, or killed, half-way through) the last one simply grows older.
@@ -109,6 +111,8 @@ class IoLoop:
         record["faults"] = int(supervisor.faults)
         record["engaging"] = supervisor.engaging
         record["request_sequence"] = supervisor.request_sequence
+        record["refused"] = supervisor.refused
+        record["ending"] = self.ending
         record["base_received_s"] = robot.base.received_s
         record["arm_received_s"] = robot.arm.received_s
         frame = robot.frame

@@ -1,8 +1,6 @@
 """What the I/O process and the control process tell each other, and the file of shared memory that holds it.
 
-Each direction has one writer and is a seqlock: the writer makes the counter odd, copies, stores a checksum and makes the
-counter even; a reader takes a copy whose counter was even and unchanged and whose checksum fits. The e-stop is one byte
-that anybody may set and only the I/O process clears.
+Each direction is a SharedRecord with one writer. The e-stop is one byte that anybody may set and only the I/O process clears.
 
 The memory is a file with a name, because the I/O process outlives the process that started it and the next one must find it.
 """
@@ -10,7 +8,6 @@ The memory is a file with a name, because the I/O process outlives the process t
 import mmap
 import os
 import tempfile
-import zlib
 from enum import IntEnum
 from pathlib import Path
 
@@ -19,6 +16,7 @@ import numpy as np
 from control.joints import JOINT_COUNT
 from sim.backends.hardware.config import HardwareConfig
 from sim.backends.protocol import BackendError
+from sim.shared_record import SharedRecord, size_of
 
 IO_STATE = np.dtype(
     [
@@ -32,8 +30,10 @@ IO_STATE = np.dtype(
         ("engaging", "?"),
         ("progress", "f4"),
         ("dry_run", "?"),
+        ("ending", "?"),  # it was told to end, and damps until the robot is at rest
         ("realtime_scheduling", "?"),
         ("request_sequence", "u8"),  # of the last request that was handled
+        ("refused", "?"),  # that request was; message says why
         ("has_frame", "?"),
         ("base_received_s", "f8"),  # monotonic
         ("arm_received_s", "f8"),
@@ -74,9 +74,9 @@ IO_COMMAND = np.dtype(
     ]
 )
 
-_HEADER = np.dtype([("counter", "u8"), ("checksum", "u4"), ("padding", "u4")])
 _ESTOP_BYTES = 64
-_ATTEMPTS = 50
+READ_ATTEMPTS = 3
+"""Whoever ticks at 500 Hz does not wait for a writer: the last record holds for one tick more."""
 
 
 class EstopSource(IntEnum):
@@ -86,39 +86,8 @@ class EstopSource(IntEnum):
     OPERATOR = 1
 
 
-class _Seqlock:
-    def __init__(self, view: np.ndarray, dtype: np.dtype) -> None:
-        self.dtype = dtype
-        self._header = view[: _HEADER.itemsize].view(_HEADER)
-        self._body = view[_HEADER.itemsize : _HEADER.itemsize + dtype.itemsize]
-
-    def write(self, record: np.ndarray) -> None:
-        """Publish `record`, shape (1,)."""
-        header = self._header[0]
-        odd = int(header["counter"]) | 1  # also repairs the counter of a writer that was killed half-way
-        data = record.view(np.uint8)
-        header["counter"] = odd
-        self._body[:] = data
-        header["checksum"] = zlib.crc32(data.tobytes())
-        header["counter"] = odd + 1
-
-    def read(self) -> np.ndarray | None:
-        """A consistent copy, shape (1,); None before the first, or when the writer was always in the way."""
-        header = self._header[0]
-        for _ in range(_ATTEMPTS):
-            before = int(header["counter"])
-            if before == 0:
-                return None
-            if not before & 1:
-                data = self._body.copy()
-                checksum = int(header["checksum"])
-                if int(header["counter"]) == before and zlib.crc32(data.tobytes()) == checksum:
-                    return data.view(self.dtype)
-        return None
-
-
-def _size(dtype: np.dtype) -> int:
-    return -(-(_HEADER.itemsize + dtype.itemsize) // 64) * 64
+def _aligned(dtype: np.dtype) -> int:
+    return -(-size_of(dtype) // 64) * 64
 
 
 class IoMemory:
@@ -133,7 +102,7 @@ class IoMemory:
     """
 
     def __init__(self, path: Path, create: bool = False) -> None:
-        size = _ESTOP_BYTES + _size(IO_STATE) + _size(IO_COMMAND)
+        size = _ESTOP_BYTES + _aligned(IO_STATE) + _aligned(IO_COMMAND)
         if create:
             path.unlink(missing_ok=True)
             descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o600)
@@ -151,8 +120,9 @@ class IoMemory:
             os.close(descriptor)
         view = np.frombuffer(self._map, np.uint8)
         self._estop = view[:1]
-        self.state = _Seqlock(view[_ESTOP_BYTES:], IO_STATE)
-        self.command = _Seqlock(view[_ESTOP_BYTES + _size(IO_STATE) :], IO_COMMAND)
+        command = _ESTOP_BYTES + _aligned(IO_STATE)
+        self.state = SharedRecord(view[_ESTOP_BYTES : _ESTOP_BYTES + size_of(IO_STATE)], IO_STATE)
+        self.command = SharedRecord(view[command : command + size_of(IO_COMMAND)], IO_COMMAND)
 
     @property
     def estop(self) -> bool:

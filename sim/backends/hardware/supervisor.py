@@ -15,7 +15,7 @@ from sim.backends.hardware.states import ACTIVE, ALLOWED_FROM, DriveState, Reque
 from sim.backends.unitree.mode_release import ModeRelease
 from sim.backends.z1.frames import ArmMode
 
-_ENGAGE_HINT = {
+_HINT = {
     Request.ENGAGE: "engage from OBSERVE",
     Request.STAND: "stand up from DAMPED",
     Request.START: "start the controller from READY",
@@ -58,6 +58,7 @@ class Supervisor:
         warnings: of the last tick.
         message: last refusal, self-test failure or fault, for the operator.
         request_sequence: of the last request that was handled.
+        refused: whether that request was; message says why.
         sent: command of the last tick, or None when it damped or was silent.
     """
 
@@ -67,6 +68,7 @@ class Supervisor:
         self.faults = self.warnings = Trip.NONE
         self.message = ""
         self.request_sequence = 0
+        self.refused = False
         self.sent: JointCommand | None = None
         self._robot = robot
         self._monitor = HealthMonitor(config.limits, position_lower, position_upper)
@@ -164,9 +166,9 @@ class Supervisor:
             return
         if self.state not in ALLOWED_FROM[request] or self.engaging:
             doing = "engaging" if self.engaging else self.state.name
-            self.message = f"{request.name} refused while {doing}: {_ENGAGE_HINT[request]}"
+            self._refuse(request, f"while {doing}: {_HINT[request]}")
             return
-        self.message = ""
+        self.message, self.refused = "", False
         match request:
             case Request.ENGAGE:
                 self._release = ModeRelease(self._robot.base.link, now, self.config.limits.release_timeout_s)
@@ -187,11 +189,14 @@ class Supervisor:
             case Request.CLEAR:
                 self._clear(now, control)
 
+    def _refuse(self, request: Request, why: str) -> None:
+        self.message, self.refused = f"{request.name} refused {why}", True
+
     def _clear(self, now: float, control: ControlInput) -> None:
         if control.estop:
-            self.message = "CLEAR refused: the e-stop is still pressed"
+            self._refuse(Request.CLEAR, "while the e-stop is still pressed")
         elif not self.at_rest and self._owns_motors:
-            self.message = "CLEAR refused: the robot is still moving, or silent"
+            self._refuse(Request.CLEAR, "while the robot is still moving, or silent")
         else:
             self.faults = Trip.NONE
             self._monitor.reset(self._robot.base.link.foreign_frames(), self._robot.base.link.foreign_writers(), now)

@@ -22,8 +22,9 @@ pytest.importorskip("cyclonedds", reason="extra 'hardware' is not installed")
 from sim.backends.hardware.config import HardwareConfig
 from sim.backends.hardware.limits import HardwareLimits
 from sim.backends.hardware.records import IoMemory, memory_path
+from sim.backends.hardware.remote import HardwareRemote
 from sim.backends.hardware.states import DriveState, Request, Trip
-from sim.backends.hardware_backend import HardwareBackend, estop_from_anywhere
+from sim.backends.hardware_backend import HardwareBackend
 from sim.backends.protocol import BackendError
 from sim.backends.unitree.dds import DdsConfig, DdsRobotLink
 from sim.backends.z1.driver import Z1Config
@@ -165,7 +166,7 @@ def test_control_killed_then_a_new_one_takes_over(stage: Stage) -> None:
         return successor.status().state == DriveState.DAMPED
 
     wait_for(clear)
-    estop_from_anywhere(stage.config)
+    HardwareRemote(stage.config).estop()
     wait_for(lambda: stage.status() == DriveState.FAULT and bool(stage.faults() & Trip.ESTOP))
     successor.close()
 

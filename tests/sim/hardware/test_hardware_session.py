@@ -58,7 +58,7 @@ class Bench:
             self.session.tick(DEFAULT_COMMAND)
             if self.session.hardware.state == goal:
                 return
-        raise AssertionError(self.session.hardware_status()["message"])
+        raise AssertionError(self.backend.status().message)
 
 
 @pytest.fixture
@@ -96,16 +96,16 @@ def test_guidance_works_on_the_emulated_robot(standing: Bench) -> None:
     np.testing.assert_allclose(record["force_estimated"], robot.truth().end_effector_force, atol=3.0)
     for name in ("force_true", "wheel_force_true", "mass_scale_true", "drag_force", "force_errors_rms"):
         assert np.isnan(record[name]).all(), name  # unavailable, never zero
-    status = standing.session.hardware_status()
-    assert status["state"] == "policy" and len(status["motors"]) == 22 and status["states_missed"] == 0
-    assert all(30.0 < motor["temperature_c"] < 60.0 for motor in status["motors"])
+    status = standing.backend.status()
+    assert status.state == DriveState.POLICY and len(status.motors) == 22 and status.states_missed == 0
+    assert all(30.0 < motor.temperature_c < 60.0 for motor in status.motors)
 
 
 def test_estop_latches_on_both_sides_and_clearing_needs_rest(standing: Bench) -> None:
     standing.session.estop()
     standing.run(2)
     assert standing.session.mode == Mode.ESTOP and standing.session.hardware.state == DriveState.FAULT
-    assert standing.rig.damps() and standing.session.hardware_status()["faults"] == ("e-stop",)
+    assert standing.rig.damps() and standing.backend.status().faults == ("e-stop",)
     standing.session.clear_estop()
     standing.run(2)
     assert standing.session.mode == Mode.FAULT  # still falling
@@ -130,7 +130,8 @@ def test_a_page_can_walk_the_robot_through_its_states(bench: Bench) -> None:
     bench.drive("release", DriveState.OBSERVE)
     bench.session.drive("stand")
     bench.run(2)
-    assert "stand up from DAMPED" in bench.session.hardware_status()["message"]
+    status = bench.backend.status()
+    assert status.refused and "stand up from DAMPED" in status.message
 
 
 def test_what_only_a_simulation_can_do_is_refused(bench: Bench) -> None:

@@ -4,8 +4,8 @@ A seqlock: the writer makes the counter odd, copies the record, stores its check
 A reader copies and accepts the copy if the counter was even and unchanged and the checksum fits. The counter alone
 suffices where stores become visible in order (x86); the checksum makes it hold on processors that reorder them.
 
-The memory is an anonymous mapping handed to a spawned child by descriptor: it has no name, so a killed process leaves
-nothing behind, and no resource tracker may unlink it early.
+`allocate` makes an anonymous mapping that is handed to a spawned child by descriptor: it has no name, so a killed process
+leaves nothing behind, and no resource tracker may unlink it early. Any other mapping of `size_of` bytes will do.
 """
 
 import time
@@ -18,16 +18,21 @@ import numpy as np
 _HEADER = np.dtype([("counter", "u8"), ("checksum", "u4"), ("padding", "u4")])
 
 
+def size_of(dtype: np.dtype) -> int:
+    """Bytes of memory that one record needs."""
+    return _HEADER.itemsize + dtype.itemsize
+
+
 def allocate(context: SpawnContext, dtype: np.dtype) -> Any:
     """Zeroed memory for one record, to be given to `SharedRecord` here and, as a process argument, in a spawned child."""
-    return context.RawArray("B", _HEADER.itemsize + dtype.itemsize)
+    return context.RawArray("B", size_of(dtype))
 
 
 class SharedRecord:
     """View of the shared memory in one process.
 
     Args:
-        memory: from `allocate`.
+        memory: from `allocate`, or another writable buffer of `size_of(dtype)` bytes, aligned to 8.
         dtype: of the record; the same in every process.
     """
 

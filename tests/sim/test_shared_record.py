@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from server import shared_record
-from server.shared_record import SharedRecord
+from sim import shared_record
+from sim.shared_record import SharedRecord
 
 RECORD = np.dtype([("count", "u8"), ("values", "f8", 400), ("count_again", "u8")])
 CONTEXT = multiprocessing.get_context("spawn")
