@@ -1,7 +1,7 @@
 """The residual r of eq. (9) from each tick's sensors: the momentum observer fed with the model's terms.
 
 The same observer, told no torque and no friction, finds N = M vdot + h, the whole inertial and gravity force of the nominal
-model, with exactly the lag of r. Mass adaptation needs it.
+model, with exactly the lag of r; told all but the friction, it finds the nominal friction. Adaptation needs both.
 """
 
 import math
@@ -11,8 +11,11 @@ import numpy as np
 from control.force_estimator import EstimatorInput
 from control.momentum_observer import MomentumObserver, ObserverGains
 
-FRICTION_SMOOTHING_RPS = 0.05
-"""Joint speed at which dry friction reaches tanh(1) of its value; below lies the noise of the velocity."""
+FRICTION_SMOOTHING_RPS = 0.01
+"""Joint speed at which dry friction reaches tanh(1) of its value. It may lie below the noise of the velocity, which smooths
+what the observer averages anyway."""
+
+_RESIDUAL, _INERTIAL, _RESIDUAL_WITH_FRICTION = range(3)
 
 
 class MomentumResidual:
@@ -24,7 +27,7 @@ class MomentumResidual:
 
     def __init__(self, gains: ObserverGains, period_s: float, with_friction: bool) -> None:
         """Args:
-        gains: K1 and K2.
+        gains: of the observer.
         period_s: tick length.
         with_friction: take nominal joint damping and dry friction out of the input, hence out of the residual.
         """
@@ -34,7 +37,7 @@ class MomentumResidual:
 
     @property
     def gains(self) -> ObserverGains:
-        """K1 and K2; may be changed at any time."""
+        """Of the observer; may be changed at any time."""
         return self._observer.gains
 
     @gains.setter
@@ -58,8 +61,9 @@ class MomentumResidual:
             torque = torque - nominal_friction_torque(inputs)
         # The torque acted over the tick that ends now; the model's terms are those at its start.
         drift = model.momentum_drift if self._drift is None else self._drift
-        momentum_inputs = np.array((drift, drift))
-        momentum_inputs[0, model.joint_rows] += torque
+        momentum_inputs = np.array((drift, drift, drift))
+        momentum_inputs[_RESIDUAL, model.joint_rows] += torque
+        momentum_inputs[_RESIDUAL_WITH_FRICTION, model.joint_rows] += inputs.sensor.joint_torque
         self._drift = model.momentum_drift.copy()
         self._estimates = self._observer.step(model.momentum, momentum_inputs)
         if not math.isfinite(self._estimates.sum()):
@@ -77,12 +81,17 @@ class MomentumResidual:
     @property
     def residual(self) -> np.ndarray:
         """(28,) r, generalized order; not finite when the newest tick was not. After the first tick only."""
-        return self._estimates[0]
+        return self._estimates[_RESIDUAL]
 
     @property
     def inertial_force(self) -> np.ndarray:
         """(28,) N = M vdot + h of the nominal model, lagging like r. After the first tick only."""
-        return self._estimates[1]
+        return self._estimates[_INERTIAL]
+
+    @property
+    def friction_force(self) -> np.ndarray:
+        """(28,) nominal joint friction that was taken out of r, lagging like r; zero without. After the first tick only."""
+        return self._estimates[_RESIDUAL] - self._estimates[_RESIDUAL_WITH_FRICTION]
 
 
 def nominal_friction_torque(inputs: EstimatorInput) -> np.ndarray:

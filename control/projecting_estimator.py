@@ -9,7 +9,6 @@ import numpy as np
 from control.force_estimator import EstimatorInput
 from control.frames import rotation_heading_to_world
 from control.joints import JOINT_COUNT, LEGS
-from control.momentum_observer import ObserverGains
 from control.momentum_residual import MomentumResidual
 from control.types import ForceEstimate
 from control.wrench_projection import FORCE_ROWS, SUPPORT_ROWS, wrench_jacobian_in_heading
@@ -39,7 +38,7 @@ class ProjectingEstimator(ABC):
         Raises:
             ValueError: a gain is not positive and finite.
         """
-        self._residual.gains = ObserverGains(k1, k2)
+        self._residual.gains = self._residual.gains.retuned(k1, k2)
 
     def reset(self) -> None:
         """Forget the past; the next tick starts at rest equilibrium."""

@@ -67,8 +67,11 @@ class SampledForce:
         return state.rotation_heading_to_world @ self.samples[index], np.zeros(3)
 
 
-def random_spring(random: np.random.Generator, hand_in_world: np.ndarray, duration_s: float) -> Spring:
-    """A spring from the hand to a point 1-15 cm away, 100-3000 N/m, lightly to well damped, capped at a random force."""
+def random_spring(random: np.random.Generator, hand_in_world: np.ndarray, duration_s: float, offset_m: np.ndarray) -> Spring:
+    """A spring to a point 1-15 cm from the hand, 100-3000 N/m, lightly to well damped, capped at a random force.
+
+    It acts `offset_m` (3,) m from the hand's modelled point, in the hand's axes.
+    """
     stiffness = float(np.exp(random.uniform(np.log(100.0), np.log(3000.0))))
     direction = _direction(random)
     distance = min(random.uniform(0.01, 0.15), FORCE_LIMIT_N / stiffness)
@@ -76,6 +79,7 @@ def random_spring(random: np.random.Generator, hand_in_world: np.ndarray, durati
         anchor_m=hand_in_world + distance * direction,
         stiffness=stiffness,
         damping=random.uniform(0.1, 1.0) * np.sqrt(stiffness),
+        point_m=offset_m,
         duration_s=duration_s,
         limit_n=random.uniform(5.0, HORIZONTAL_LIMIT_N),
     )

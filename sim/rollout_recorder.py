@@ -1,6 +1,6 @@
 """Records one planned rollout at 50 Hz, see sim.rollout_runner; truth goes to the record only."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -77,7 +77,7 @@ def _row(runner: RolloutRunner, tick: Tick) -> dict[str, np.ndarray]:
 def manifest_entry(recording: Recording, file: str) -> dict[str, object]:
     """What the manifest says of a kept rollout."""
     return {
-        **asdict(recording.plan),
+        **recording.plan.as_dict(),
         "file": file,
         "seed": recording.seed,
         "rejected": list(recording.rejected),

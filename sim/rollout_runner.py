@@ -128,7 +128,7 @@ class RolloutRunner:
         self._command_at = command_at
         self._next_spring_s = 0.5
         if plan.profile != "spring":
-            self.backend.wrenches.add(SampledForce(planned_force(plan, seed), TICK_S))
+            self.backend.wrenches.add(SampledForce(planned_force(plan, seed), TICK_S, point_m=np.array(plan.contact_offset_m)))
         self._wheels = [self.backend.model.geom(f"{leg}_wheel").id for leg in LEGS]
 
     def ticks(self) -> Iterator[Tick]:
@@ -153,7 +153,7 @@ class RolloutRunner:
             duration = float(self.random.uniform(*SPRING_INTERVAL_S))
             self._next_spring_s = time_s + duration + float(self.random.uniform(0.0, 1.5))
             hand = self.backend.truth().end_effector_position
-            self.backend.wrenches.add(random_spring(self.random, hand, duration))
+            self.backend.wrenches.add(random_spring(self.random, hand, duration, np.array(self._plan.contact_offset_m)))
         return DEFAULT_COMMAND if self._command_at is None else self._command_at(time_s)
 
     def _check_contacts(self) -> None:

@@ -10,8 +10,8 @@ import numpy as np
 from control.adaptive_estimator import AdaptiveConfig, AdaptiveEstimator
 from control.force_estimators import EstimatorsConfig
 from control.gmo_estimators import GmoConstrained
-from control.mass_adaptation import MassAdaptationConfig
-from control.momentum_observer import FAST_GAINS, PAPER_GAINS, ObserverGains
+from control.model_adaptation import ModelAdaptationConfig
+from control.momentum_observer import FAST_GAINS, PAPER_GAINS, SLOPE_GAINS, ObserverGains
 from control.momentum_residual import MomentumResidual
 from control.projecting_estimator import ProjectingEstimator, estimate_from_wrench
 from control.robot_model import RobotModel
@@ -20,11 +20,13 @@ from control.wrench_projection import ProjectionWeights, build_wrench_problem, s
 
 _NO_SPREAD = 1e-4
 """A prior this narrow holds a scale where it is, against all data of a rollout."""
+_SPREADS = ("common_sd", "difference_sd", "friction_common_sd", "friction_difference_sd")
 
 ADAPTATIONS = {
-    "none": MassAdaptationConfig(common_sd=_NO_SPREAD, difference_sd=_NO_SPREAD),
-    "scalar": MassAdaptationConfig(difference_sd=_NO_SPREAD),
-    "two-scale": MassAdaptationConfig(),
+    "none": ModelAdaptationConfig(**dict.fromkeys(_SPREADS, _NO_SPREAD)),
+    "scalar": ModelAdaptationConfig(difference_sd=_NO_SPREAD),
+    "two-scale": ModelAdaptationConfig(),
+    "masses only": ModelAdaptationConfig(friction_common_sd=_NO_SPREAD, friction_difference_sd=_NO_SPREAD),
 }
 
 
@@ -52,7 +54,7 @@ class Ablation:
 
 
 GMO_CQP = Ablation("gmo_cqp", "gmo_cqp", PAPER_GAINS, friction=False)
-ADAPTIVE = Ablation("adaptive", "adaptive", FAST_GAINS, friction=True)
+ADAPTIVE = Ablation("adaptive", "adaptive", SLOPE_GAINS, friction=True)
 
 ABLATIONS = (
     replace(GMO_CQP, name="gmo_cqp: no constraints", constraints=False),
@@ -63,6 +65,8 @@ ABLATIONS = (
     replace(ADAPTIVE, name="adaptive: no friction model", friction=False),
     replace(ADAPTIVE, name="adaptive: no adaptation", adaptation="none"),
     replace(ADAPTIVE, name="adaptive: scalar adaptation", adaptation="scalar"),
+    replace(ADAPTIVE, name="adaptive: masses adapt, friction does not", adaptation="masses only"),
+    replace(ADAPTIVE, name="adaptive: gains 70, 2500, no slope", gains=FAST_GAINS),
     replace(ADAPTIVE, name="adaptive: true velocity", true_velocity=True),
     replace(ADAPTIVE, name="adaptive: gains 6, 20", gains=PAPER_GAINS),
     replace(ADAPTIVE, name="adaptive: gains 28, 400", gains=ObserverGains(28.0, 400.0)),

@@ -12,7 +12,7 @@ from control.force_estimator import EstimatorInput, ForceEstimator
 from control.force_estimators import MODEL_BASED_NAMES, EstimatorsConfig, make_estimators
 from control.gmo_estimators import GmoConstrained, GmoPseudoInverse
 from control.joints import ARM_SLICE, JOINT_COUNT, LEGS, NOMINAL_POSITION
-from control.momentum_observer import FAST_GAINS, PAPER_GAINS
+from control.momentum_observer import PAPER_GAINS, SLOPE_GAINS
 from control.robot_model import RobotModel
 from control.types import BaseState, SensorFrame
 from control.wrench_qp import ContactConstraints, WrenchProjectionError, WrenchSolver
@@ -108,7 +108,7 @@ def test_a_constant_force_and_its_wheel_forces_are_recovered(name: str) -> None:
     assert not estimate.stale
 
 
-@pytest.mark.parametrize("name, gains", [("gmo_pi", PAPER_GAINS), ("gmo_cqp", PAPER_GAINS), ("adaptive", FAST_GAINS)])
+@pytest.mark.parametrize("name, gains", [("gmo_pi", PAPER_GAINS), ("gmo_cqp", PAPER_GAINS), ("adaptive", SLOPE_GAINS)])
 def test_a_step_is_followed_at_the_observers_bandwidth(name: str, gains: object) -> None:
     robot = StandingRobot()
     estimators = {name: make(robot)[name]}
@@ -118,8 +118,9 @@ def test_a_step_is_followed_at_the_observers_bandwidth(name: str, gains: object)
     for _ in range(2):
         run(robot, estimators, 0.1)
         fraction_after.append(estimators[name].estimate().force_in_heading @ FORCE / (FORCE @ FORCE))
-    # Closed form of the unit step at 0.1 s and 0.2 s: 0.08 and 0.26 with the paper's gains, 1.0 with the fast ones.
-    expected = [0.0821, 0.2635] if gains is PAPER_GAINS else [1.01, 1.0]
+    # Closed form of the unit step at 0.1 s and 0.2 s: 0.08 and 0.26 with the paper's gains; 1.25 and 1.07 with three poles at
+    # 30 rad/s, which follow a ramp without lag.
+    expected = [0.0821, 0.2635] if gains is PAPER_GAINS else [1.249, 1.072]
     np.testing.assert_allclose(fraction_after, expected, atol=0.04)
 
 

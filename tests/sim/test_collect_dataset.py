@@ -77,7 +77,7 @@ def test_plans_split_rollouts_before_anything_runs() -> None:
     assert plans == plan_rollouts(seed=7, count=200, links=LINKS, duration_s=20.0)
     assert plans != plan_rollouts(seed=8, count=200, links=LINKS, duration_s=20.0)
     counts = {split: sum(plan.split == split for plan in plans) for split in SPLITS}
-    assert counts == {"train": 160, "validation": 20, "test": 20}
+    assert counts == {"train": 160, "validation": 30, "test": 10}
     # Attempts use the seeds that follow: no two rollouts ever share one.
     seeds = {plan.seed + attempt for plan in plans for attempt in range(8)}
     assert len(seeds) == 8 * len(plans)
