@@ -8,6 +8,7 @@ import numpy as np
 from control.pipeline import TICK_S
 from sim.benchmarks.estimator_panel import SAMPLE_TICKS
 from sim.benchmarks.estimator_rows import Cell
+from sim.benchmarks.estimator_scores import Scores
 from sim.benchmarks.estimator_trials import SETTLE_S, Trial
 from sim.benchmarks.report import Row
 
@@ -52,38 +53,40 @@ def plot_bars(folder: Path, rows: Sequence[Row]) -> None:
     pyplot.close(figure)
 
 
-def plot_force_over_time(folder: Path, trials: Sequence[Trial], axis: int = 2) -> None:
-    """Truth and estimates of one axis over time, one panel per trial; sigma of `hybrid` as a band of two.
+def plot_force_over_time(folder: Path, trials: Sequence[Trial]) -> None:
+    """Vertical force of one trial per mass scale, as in the paper's figure."""
+    time = SETTLE_S + PERIOD_S * np.arange(len(trials[0].force_true))
+    series = [(f"mass x{trial.plan.mass_scale:g}", 2, trial.force_true, trial.scores) for trial in trials]
+    plot_estimates(folder / f"estimator_force_z_{trials[0].plan.profile}.png", time, series)
+
+
+def plot_estimates(path: Path, time_s: np.ndarray, series: Sequence[tuple[str, int, np.ndarray, dict[str, Scores]]]) -> None:
+    """Truth and every estimate over time, one panel per series; two sigma of `hybrid` as a band.
 
     Args:
-        folder: for the picture.
-        trials: one per mass scale, of the same profile.
-        axis: 0 x, 1 y, 2 z.
+        path: of the picture.
+        time_s: (n,) s.
+        series: title, axis (0 x, 1 y, 2 z), true force (n, 3) N and scores of each panel.
     """
     from matplotlib import pyplot  # plots are optional, so the library is only needed for them
 
-    figure, panels = pyplot.subplots(
-        len(trials), 1, sharex=True, sharey=True, squeeze=False, figsize=(9.0, 1.2 + 2.2 * len(trials)), layout="constrained"
-    )
-    for trial, panel in zip(trials, panels[:, 0], strict=True):
-        truth = trial.force_true[:, axis]
-        time = SETTLE_S + PERIOD_S * np.arange(len(truth))
-        for name, color in COLORS.items():
-            if name not in trial.scores:
-                continue
-            score = trial.scores[name]
-            force = truth + score.error[:, axis]
-            panel.plot(time, force, color=color, linewidth=0.9, label=name)
+    size = (9.0, 1.2 + 2.2 * len(series))
+    figure, panels = pyplot.subplots(len(series), 1, sharex=True, squeeze=False, figsize=size, layout="constrained")
+    for (title, axis, force_true, scores), panel in zip(series, panels[:, 0], strict=True):
+        truth = force_true[:, axis]
+        for name in (name for name in COLORS if name in scores):
+            force = truth + scores[name].error[:, axis]
+            panel.plot(time_s, force, color=COLORS[name], linewidth=0.9, label=name)
             if name == "hybrid":
-                band = 2.0 * score.sigma[:, axis]
-                panel.fill_between(time, force - band, force + band, color=color, alpha=0.25, linewidth=0.0)
-        panel.plot(time, truth, color="black", linewidth=1.1, linestyle="--", label="true")
-        panel.set_title(f"mass x{trial.plan.mass_scale:g}", fontsize=9)
+                band = 2.0 * scores[name].sigma[:, axis]
+                panel.fill_between(time_s, force - band, force + band, color=COLORS[name], alpha=0.25, linewidth=0.0)
+        panel.plot(time_s, truth, color="black", linewidth=1.1, linestyle="--", label="true")
+        panel.set_title(title, fontsize=9)
         panel.set_ylabel(f"force {'xyz'[axis]} [N]")
         panel.grid(alpha=0.3)
     handles, labels = panels[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, ncols=len(labels), fontsize=8, loc="outside upper center")
     panels[-1, 0].set_xlabel("time [s]")
-    folder.mkdir(parents=True, exist_ok=True)
-    figure.savefig(folder / f"estimator_force_{'xyz'[axis]}_{trials[0].plan.profile}.png", dpi=120)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path, dpi=120)
     pyplot.close(figure)
