@@ -124,7 +124,7 @@ class Pipeline:
         self._controllers[name] = controller
 
     def select_controller(self, name: str) -> None:
-        """Switch controllers; the new one starts from rest and the safety gate's slew limit keeps the change smooth.
+        """Switch controllers; the new one starts from rest and the safety gate blends its targets in.
 
         Raises:
             UnknownNameError: no controller has that name.
@@ -133,6 +133,7 @@ class Pipeline:
             raise UnknownNameError("controller", name, self.controller_names)
         self.controller_name = name
         self._controllers[name].reset()
+        self._safety.hand_over()
 
     def select_estimator(self, name: str, gains: tuple[float, float] | None = None) -> None:
         """Choose which estimate feeds the controller, optionally with new observer gains (K1, K2).

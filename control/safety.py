@@ -56,6 +56,7 @@ class SafetyConfig:
         leg_damping, wheel_damping, arm_damping: N m s/rad while damping, stiffness zero.
         stand_up_s: min-jerk blend from the measured posture to the controller when the legs start far from their stance.
         start_blend_s: the same when they stand already.
+        handover_s: min-jerk blend from the targets that act to those of another controller.
         standing_rad: largest leg joint distance from NOMINAL_POSITION that still counts as standing.
         period_s: of the gate.
     """
@@ -78,6 +79,7 @@ class SafetyConfig:
     arm_damping: float = 2.0
     stand_up_s: float = 2.0
     start_blend_s: float = 0.1
+    handover_s: float = 0.2
     standing_rad: float = 0.3
     period_s: float = 0.002
 
@@ -99,7 +101,7 @@ class SafetyGate:
     """Turns targets into a JointCommand at 500 Hz. Latches e-stop and tilt.
 
     Attributes:
-        in_control: the controller's targets act in full; false while damping or blending them in.
+        in_control: the controller's targets act; false while damping or blending them in from the measured posture.
     """
 
     def __init__(self, config: SafetyConfig, model: RobotModel) -> None:
@@ -130,6 +132,10 @@ class SafetyGate:
         """Latch the e-stop: damping from the next tick until `clear`."""
         self._estop = True
 
+    def hand_over(self) -> None:
+        """Blend the next targets in from those that act now, because another controller takes over in motion."""
+        self._handover_due = self.in_control
+
     def clear(self) -> None:
         """Clear e-stop and tilt; the next targets are blended in from the measured posture."""
         self._estop = False
@@ -139,6 +145,8 @@ class SafetyGate:
         self._targets_time_s = -math.inf
         self._applied: np.ndarray | None = None
         self.in_control = False
+        self._handover_due = False
+        self._starting = False
         self._blend_start_s = 0.0
         self._blend_s = 0.0
 
@@ -224,13 +232,16 @@ class SafetyGate:
     ) -> tuple[JointCommand, Fault]:
         """Blend, slew, and move the targets to where the predicted torque is within bounds."""
         last = self._start(sensor) if self._applied is None else self._applied
+        if self._handover_due:
+            self._handover_due = False
+            self._blend_from, self._blend_start_s, self._blend_s = last, sensor.time_s, self.config.handover_s
         progress = (sensor.time_s - self._blend_start_s) / self._blend_s
-        self.in_control = progress >= 1.0
-        if not self.in_control:
+        self._starting &= progress < 1.0
+        self.in_control = not self._starting
+        if progress < 1.0:
             weight = progress**3 * (10.0 + progress * (6.0 * progress - 15.0))
-            target = self._blend_from + weight * (targets - self._blend_from)
-        else:
-            target = np.minimum(np.maximum(targets, last - self._slew), last + self._slew)
+            targets = self._blend_from + weight * (targets - self._blend_from)
+        target = np.minimum(np.maximum(targets, last - self._slew), last + self._slew)
         self._applied = target
 
         # Predicted torque = gain * target - offset, with one gain per joint: stiffness, or the wheels' damping.
@@ -253,6 +264,8 @@ class SafetyGate:
         q = sensor.joint_position
         self._blend_from = (STIFFNESS * q + DAMPING * sensor.joint_velocity + sensor.joint_torque) / self._gain
         distance = np.abs(q[LEG_SLICE] - NOMINAL_POSITION[LEG_SLICE]).max()
+        self._starting = True
+        self._handover_due = False
         self._blend_start_s = sensor.time_s
         self._blend_s = self.config.start_blend_s if distance < self.config.standing_rad else self.config.stand_up_s
         return self._blend_from

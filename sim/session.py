@@ -16,7 +16,7 @@ from sim.backends.mujoco_backend import MujocoBackend
 from sim.backends.protocol import GroundTruth
 from sim.sensors import SensorConfig
 from sim.snapshot import Mode, command_from_record, command_to_record
-from sim.snapshot_writer import write_forces, write_robot
+from sim.snapshot_writer import write_forces, write_policy, write_robot
 from sim.wrenches import ActiveWrench, Pulse
 
 DRAG_HEARTBEAT_S = 0.3
@@ -223,6 +223,7 @@ class Session:
         command_to_record(self._command, record["command"])
         write_robot(record, self._sensor, output, truth)
         write_forces(record, output, truth, names, selected)
+        write_policy(record, self.pipeline.controllers[self.pipeline.controller_name])
         record["force_errors_rms"] = np.nan
         record["force_errors_rms"][: len(names)] = np.sqrt(self._error_power)
         self._fill_simulation(record)

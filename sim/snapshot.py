@@ -13,6 +13,7 @@ from control.types import Command
 
 MAX_ESTIMATORS = 8
 MAX_OBJECTS = 8
+MAX_OBSERVATION = 160
 
 
 class Mode(IntEnum):
@@ -71,6 +72,9 @@ SNAPSHOT = np.dtype(
         ("wheel_force_estimated", "f8", (len(LEGS), 3)),
         ("wheel_force_true", "f8", (len(LEGS), 3)),
         ("wheel_contact_position_in_world", "f8", (len(LEGS), 3)),
+        ("policy_form", "S16"),  # of the selected policy's observation (control.observation); empty: no policy is selected
+        ("policy_observation", "f4", MAX_OBSERVATION),
+        ("policy_action", "f4", JOINT_COUNT),
         ("mass_scale_estimated", "f8"),
         ("mass_scale_true", "f8"),
         ("object_count", "u1"),

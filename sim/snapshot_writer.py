@@ -2,8 +2,10 @@
 
 import numpy as np
 
+from control.controller import Controller
 from control.frames import quaternion_from_rotation, rotation_heading_to_world
 from control.pipeline import PipelineOutput
+from control.policy import PolicyController
 from control.types import SensorFrame
 from sim.backends.protocol import GroundTruth
 from sim.snapshot import MAX_OBJECTS, command_to_record
@@ -67,3 +69,13 @@ def write_forces(
     record["object_count"] = count
     record["object_position"][:count] = truth.object_positions[:count]
     record["object_orientation_wxyz"][:count] = truth.object_orientations_wxyz[:count]
+
+
+def write_policy(record: np.void, controller: Controller) -> None:
+    """What the selected controller observed and did, if it is a policy, into a SNAPSHOT record."""
+    if not isinstance(controller, PolicyController):
+        record["policy_form"] = b""
+        return
+    record["policy_form"] = controller.manifest.form
+    record["policy_observation"][: len(controller.observation)] = controller.observation
+    record["policy_action"] = controller.action

@@ -19,7 +19,7 @@ _RANGES_N = (10.0, 20.0, 50.0, 100.0, 200.0)
 _TRACES = (("true", theme.TRUE, 3.0), ("estimated", theme.ESTIMATED, 1.6), ("commanded", theme.COMMANDED, 1.6))
 _UPPER, _LOWER = len(_TRACES) + 1, len(_TRACES) + 2
 _NO_SIGMA = "The selected estimator does not state its uncertainty."
-_SIGMA = f"Shaded: the estimate &plusmn; {theme.SHOWN_SIGMAS:.0f} standard deviations, as the estimator states them."
+_SIGMA = f"Shaded, and a cone at the hand: &plusmn; {theme.SHOWN_SIGMAS:.0f} standard deviations, as the estimator states them."
 
 
 class ForceHistory:

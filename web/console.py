@@ -23,6 +23,7 @@ from web.drag import GrabHandle, TargetGizmo
 from web.estimators_panel import EstimatorsPanel
 from web.force_arrows import ForceArrows
 from web.objects import SceneObjects
+from web.policy_panel import PolicyPanel
 from web.scene import Scene
 from web.setup_panel import SetupPanel
 from web.sink import ConsoleSink
@@ -75,6 +76,7 @@ class Console:
             self._command = CommandPanel(server, sink)
         with tabs.add_tab("Setup", viser.Icon.ADJUSTMENTS):
             self._setup = SetupPanel(server, sink)
+            self._policy = PolicyPanel(gui)
         ViewPanel(server, sink, tabs.add_tab("View", viser.Icon.EYE), self._camera, self._forces, self._contacts)
         panel = gui.add_panel()
         with panel.add_tab("Force on the hand", viser.Icon.CHART_LINE):
@@ -134,5 +136,6 @@ class Console:
         self._camera.update(snapshot)
         self._command.update(snapshot)
         self._setup.update(snapshot)
+        self._policy.update(snapshot)
         self._charts.update(snapshot)
         self._estimators.update(snapshot)

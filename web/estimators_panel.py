@@ -43,15 +43,15 @@ def estimators_html(snapshot: np.void) -> str:
             continue
         error = snapshot["force_errors_rms"][index]
         value = f"{error:.2f} N" if np.isfinite(error) else UNAVAILABLE
-        style = "font-weight:600" if name == selected else "opacity:0.75"
+        style = "font-weight:600" if name == selected else f"color:{theme.FAINT}"
         mark = " (feeds the controller)" if name == selected else ""
         rows.append(
             f'<tr style="{style}"><td>{swatch(index)}{html.escape(name.decode())}{mark}</td><td align="right">{value}</td></tr>'
         )
     sigma, scale = snapshot["force_sigma"], snapshot["mass_scale_estimated"]
     own = [
-        ("Its own standard deviation", f"{np.linalg.norm(sigma):.2f} N" if np.isfinite(sigma).all() else "not stated"),
-        ("Its estimate of the mass", f"{scale:.2f} of nominal" if np.isfinite(scale) else "none"),
+        ("Standard deviation it states", f"{np.linalg.norm(sigma):.2f} N" if np.isfinite(sigma).all() else "not stated"),
+        ("Mass it estimates", f"{scale:.2f} of nominal" if np.isfinite(scale) else "none"),
     ]
     rows += [f'<tr><td>{what}</td><td align="right">{value}</td></tr>' for what, value in own]
     table = f'<table style="width:100%">{"".join(rows)}</table>'

@@ -33,6 +33,9 @@ SHOWN_SIGMAS = 2.0
 SMALL_TEXT = "padding:0 0.75em 0.5em;font-size:0.8em;line-height:1.5"
 """CSS of notes and tables between widgets."""
 
+FAINT = "#a7b3c0"
+"""CSS colour of secondary text, also in web/static/viser.css."""
+
 BRAND: RGB = (58, 122, 190)
 FLOOR: RGB = (24, 28, 34)
 GRID_CELL: RGB = (48, 54, 64)

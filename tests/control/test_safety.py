@@ -281,6 +281,35 @@ def test_a_standing_robot_is_taken_over_quickly(gate):
     assert command.position[1] == pytest.approx(targets[1])
 
 
+def test_another_controller_in_motion_takes_over_smoothly_and_stays_in_control(gate):
+    run(gate, NOMINAL_POSITION, 0.5)
+    gate.hand_over()
+    after = NOMINAL_POSITION + 0.2 * (STIFFNESS > 0.0)
+    applied, targets = [], after
+    for tick in range(round(CONFIG.handover_s / TICK) + 1):
+        targets = after.copy() if tick % 10 == 0 else targets
+        applied.append(gate.step(targets, frame(0.5 + tick * TICK), base())[0].position)
+        assert gate.in_control
+    assert np.allclose(applied[0], NOMINAL_POSITION * (STIFFNESS > 0.0), atol=1e-9)
+    assert np.allclose(applied[-1], after * (STIFFNESS > 0.0))
+    # A minimum-jerk blend of 0.2 rad is nowhere faster than 15/8 of its mean speed; the bare slew limit would be far above.
+    fastest = np.abs(np.diff(applied, axis=0)).max()
+    assert fastest <= 15.0 / 8.0 * 0.2 / CONFIG.handover_s * TICK * (1.0 + 1e-6)
+    assert fastest < 0.1 * CONFIG.leg_slew_rps * TICK
+
+
+def test_a_handover_while_standing_up_changes_nothing(model):
+    lying = NOMINAL_POSITION.copy()
+    lying[LEG_SLICE] += 0.4
+    gates = [SafetyGate(CONFIG, model) for _ in range(2)]
+    for gate in gates:
+        run(gate, NOMINAL_POSITION, 0.5, position=lying)
+    gates[1].hand_over()
+    ends = [run(gate, NOMINAL_POSITION, 0.5, start_s=0.5, position=lying)[0].position for gate in gates]
+    assert np.array_equal(ends[0], ends[1])
+    assert not gates[1].in_control
+
+
 def test_before_the_first_targets_the_drives_damp(gate):
     _, status = gate.step(None, frame(), base())
     assert status.damping
