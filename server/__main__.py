@@ -1,4 +1,4 @@
-"""`forcelens`, or `python -m server`: start the console and print where it is."""
+"""`forcelens`, or `python -m server`: start the console and print where it is. `forcelens emulate` runs an emulated robot."""
 
 import argparse
 import os
@@ -8,7 +8,11 @@ from typing import TextIO
 
 def parser() -> argparse.ArgumentParser:
     """Arguments of the command."""
-    arguments = argparse.ArgumentParser(prog="forcelens", description="Console of a robot that feels force without a sensor.")
+    arguments = argparse.ArgumentParser(
+        prog="forcelens",
+        description="Console of a robot that feels force without a sensor.",
+        epilog="forcelens emulate --help: an emulated robot for the hardware backend.",
+    )
     arguments.add_argument("--host", default="127.0.0.1", help="address to bind (default 127.0.0.1); others need a token")
     arguments.add_argument("--port", type=int, default=8080, help="TCP port (default 8080); 0 takes a free one")
     arguments.add_argument(
@@ -19,17 +23,29 @@ def parser() -> argparse.ArgumentParser:
     arguments.add_argument("--estimator", default="adaptive", help="force estimator to start with (default adaptive)")
     arguments.add_argument("--seed", type=int, default=0, help="of the sensors' errors (default 0)")
     arguments.add_argument("--no-browser", action="store_true", help="do not open the page")
+    robot = arguments.add_argument_group("robot", "what the hardware backend drives once it is chosen in the page or by REST")
+    robot.add_argument("--domain", type=int, default=1, help="DDS domain of the base (default 1; a real robot's is 0)")
+    robot.add_argument("--interface", default="lo", help="network interface that leads to the base (default lo)")
+    robot.add_argument("--arm-host", default="127.0.0.1", help="address of the arm's z1_ctrl (default 127.0.0.1)")
+    robot.add_argument("--arm-port", type=int, default=8071, help="UDP port on which z1_ctrl listens; it answers on the next")
+    robot.add_argument("--allow-robot", action="store_true", help="permit domain 0, another interface than lo, a remote arm")
     return arguments
 
 
 def main() -> None:
     """Run the command; exit status 2 with one line on stderr when it cannot start."""
+    if sys.argv[1:2] == ["emulate"]:
+        from sim.emulator.__main__ import main as emulate
+
+        sys.exit(emulate(sys.argv[2:]))
     arguments = parser().parse_args()
     # The spawned control process imports this module too and needs nothing below.
     from control.pipeline import PipelineConfig
+    from server.backend_choice import with_options
     from server.config import ConfigError, ServerConfig
     from server.errors import ServerError
     from server.runner import PortInUseError, serve
+    from sim.backends.hardware.config import HardwareConfig
     from sim.session import SessionConfig
 
     try:
@@ -42,6 +58,10 @@ def main() -> None:
                 scene=arguments.scene,
                 seed=arguments.seed,
                 pipeline=PipelineConfig(controller=arguments.controller, estimator=arguments.estimator),
+            ),
+            hardware=with_options(
+                HardwareConfig(),
+                {name: getattr(arguments, name) for name in ("domain", "interface", "arm_host", "arm_port", "allow_robot")},
             ),
         )
         serve(config, lambda address: _say(sys.stdout, f"Forcelens is at {address}"))

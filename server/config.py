@@ -4,6 +4,7 @@ import ipaddress
 from dataclasses import dataclass, field
 
 from server.access import LOOPBACK_NAMES
+from sim.backends.hardware.config import HardwareConfig
 from sim.session import SessionConfig
 
 
@@ -21,6 +22,7 @@ class ServerConfig:
         token: required of every request; None only on a loopback address.
         open_browser: open the page where a display exists.
         session: what the control process steps.
+        hardware: the robot that the hardware backend drives unless told otherwise.
 
     Raises:
         ConfigError: another address than loopback without a token.
@@ -31,6 +33,7 @@ class ServerConfig:
     token: str | None = None
     open_browser: bool = True
     session: SessionConfig = field(default_factory=SessionConfig)
+    hardware: HardwareConfig = field(default_factory=HardwareConfig)
 
     def __post_init__(self) -> None:
         if self.token is None and not is_loopback(self.host):

@@ -14,12 +14,12 @@ from typing import Any
 
 import numpy as np
 
-from sim import shared_record
 from server.control_process import ControlLaunch, control_process
 from server.errors import ControlDeadError, ControlTimeoutError, InvalidFieldError, MissingError, RefusedError, ServerError
 from server.messages import Close, Event, Fatal, Outcome, Ready, Reply
 from server.session_events import SLOW_EVENTS
 from server.setpoint import default_setpoint
+from sim import shared_record
 from sim.shared_record import SharedRecord
 from sim.snapshot import SETPOINT, SNAPSHOT
 
@@ -30,7 +30,7 @@ MAX_PENDING = 64
 
 RESTART_HINT = "POST /api/v1/control/restart starts a fresh one in a safe hold"
 
-_FIELD_OF_EVENT = {"add_wrench": "body", "set_mismatch": "per_link", "reset": "keyframe"}
+_FIELD_OF_EVENT = {"add_wrench": "body", "set_mismatch": "per_link", "reset": "keyframe", "drive": "request"}
 """What is left for the session to refuse after the request's own checks; of the others it is `name`."""
 
 _log = logging.getLogger(__name__)
@@ -82,9 +82,11 @@ class ControlClient:
 
     @property
     def busy(self) -> bool:
-        """Whether an event that takes long, such as loading a scene, still waits for its answer."""
+        """Whether it starts, or an event that takes long, such as loading a scene, still waits for its answer."""
         oldest = time.monotonic() - SLOW_CALL_TIMEOUT_S
         with self._lock:
+            if self._death is None and not self._ready.done():
+                return True
             return any(call.event in SLOW_EVENTS and call.sent_s > oldest for call in self._pending.values())
 
     @property
@@ -152,17 +154,17 @@ class ControlClient:
         reader.join(5.0)
 
     def restart(self, **changes: Any) -> dict[str, Any]:
-        """End what is left of the control process and start a fresh one in a hold.
+        """End what is left of the control process and start a fresh one.
 
         Args:
-            changes: fields of ControlLaunch.
+            changes: of the last launch, fields of ControlLaunch.
 
         Raises:
             ControlDeadError, ControlTimeoutError: see wait_ready.
         """
         with self._restart_lock:
             self.close()
-            self._launch = replace(self._launch, paused=True, **changes)
+            self._launch = replace(self._launch, **changes)
             self.start()
         return self.wait_ready()
 

@@ -16,9 +16,9 @@ from server.messages import Close, Event, Outcome, Reply
 from server.pacing import Pacer
 from server.session_events import SLOW_EVENTS, EventError, SessionEvents
 from server.setpoint import default_setpoint
-from sim.shared_record import SharedRecord
 from sim.backends.protocol import BackendError
 from sim.session import Session
+from sim.shared_record import SharedRecord
 from sim.snapshot import SNAPSHOT, Mode
 
 PUBLISH_EVERY = 5
@@ -34,7 +34,7 @@ NOTED_HOLD_S = 0.05
 
 _URGENT = "estop"
 _ESTOP_EVENTS = frozenset({"estop", "clear_estop"})
-_RESTARTING = frozenset({"reset", "set_scene", "set_backend"})
+_RESTARTING = frozenset({"reset", "set_scene"})
 _SEEN_AFTER_A_TICK = _RESTARTING | {"clear_estop"}
 """A hold makes one tick after these, so that the new state is seen."""
 
@@ -216,7 +216,12 @@ class ControlLoop:
             _log.info("%s held the loop for %.0f ms", event.name, 1e3 * held_s)
         return value
 
+    def _require_simulation(self, what: str) -> None:
+        if not self._session.backend.capabilities.is_simulation:
+            raise EventError(Outcome.REFUSED, f"{what}: simulation only; a robot cannot be held still or sped up by its clock")
+
     def _set_run(self, state: str | None, speed: float | None) -> dict[str, Any]:
+        self._require_simulation("run and pause")
         if state == "running" and self._failure is not None:
             raise EventError(Outcome.REFUSED, f"the backend failed: {self._failure}; POST /api/v1/reset first")
         if speed is not None and speed != self._speed:
@@ -230,6 +235,7 @@ class ControlLoop:
         return {"state": "running" if self._running else "paused", "speed": self._speed}
 
     def _start_steps(self, event: Event) -> None:
+        self._require_simulation("step")
         if self._running:
             raise EventError(Outcome.REFUSED, 'the simulation is running; POST /api/v1/run {"state": "paused"} first')
         if self._failure is not None:

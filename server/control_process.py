@@ -18,9 +18,9 @@ from server.control_loop import ControlLoop
 from server.messages import Fatal, Ready
 from server.pacing import Pacer
 from server.session_events import describe
-from sim.shared_record import SharedRecord
 from sim.backends.protocol import BackendError
 from sim.session import Session, SessionConfig
+from sim.shared_record import SharedRecord
 from sim.snapshot import SETPOINT, SNAPSHOT
 
 FIFO_PRIORITY = 20

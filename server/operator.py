@@ -3,9 +3,10 @@
 Every method may be called from any thread. A refusal is a RuntimeError or ValueError whose message says what to do.
 """
 
+import contextlib
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from concurrent.futures import Future
 from dataclasses import dataclass, replace
 from typing import Any, Literal
@@ -14,12 +15,22 @@ import numpy as np
 
 from control.command import DEFAULT_COMMAND, CommandError, CommandLimits, clip_command
 from control.types import Command
+from server.backend_choice import BackendChoice, with_options
 from server.control_client import SLOW_CALL_TIMEOUT_S, ControlClient
 from server.control_process import ControlLaunch
-from server.errors import InvalidFieldError, RefusedError
-from server.schemas import CommandPatch, MismatchRequest, RunRequest, StepRequest
+from server.errors import ControlDeadError, ControlTimeoutError, InvalidFieldError, RefusedError
+from server.schemas import BackendRequest, CommandPatch, DriveRequest, MismatchRequest, RunRequest, StepRequest
 from server.validation import validated
+from sim.backends.hardware.config import HardwareConfig
+from sim.backends.hardware.remote import HardwareRemote
+from sim.backends.hardware.states import ACTIVE, DriveState
+from sim.backends.hardware.status import HardwareStatus
+from sim.backends.hardware_backend import unavailable_because
+from sim.backends.protocol import BackendError
 from sim.snapshot import COMMAND, Mode, command_to_record
+
+HANDLED_S = 1.0
+"""The I/O process takes a request within a tick of 2 ms; a machine may be busier."""
 
 Choices = dict[str, Any]
 
@@ -38,15 +49,20 @@ class Operator:
 
     Args:
         client: handle on the control process.
-        launch: what the control process was started with.
+        launch: what the control process was started with; it drives the simulation.
+        hardware: the robot that `set_backend` means when nothing else is said.
     """
 
-    def __init__(self, client: ControlClient, launch: ControlLaunch) -> None:
+    def __init__(self, client: ControlClient, launch: ControlLaunch, hardware: HardwareConfig | None = None) -> None:
         self.limits: CommandLimits = launch.session.pipeline.limits
         self.selection = Selection()
         self.started_s = time.monotonic()
         self._client = client
         self._launch = launch
+        self._hardware = hardware or HardwareConfig()
+        self.backend = BackendChoice()
+        self._switching = threading.Lock()
+        self._stop_on_start = False
         self._lock = threading.Lock()
         self._command = clip_command(DEFAULT_COMMAND, self.limits)
         self._sequence = 0
@@ -96,6 +112,8 @@ class Operator:
         Raises:
             InvalidFieldError: a target that is not three finite numbers.
         """
+        if target_in_world is not None and self.backend.hardware is not None:
+            raise RefusedError("the ball pulls a simulated hand only; pull the robot's own")
         if target_in_world is None:
             self._client.write_setpoint(drag_active=False)
             return
@@ -124,12 +142,72 @@ class Operator:
         self._client.call("set_mismatch", SLOW_CALL_TIMEOUT_S, **request)
         self.selection = replace(self.selection, **request)
 
-    def set_backend(self, name: str) -> None:
-        """Choose what the pipeline drives."""
-        for backend in self.available()["backends"]:
-            if backend["name"] == name and not backend["available"]:
-                raise RefusedError(f"backend {name!r} is not available: {backend['reason']}")
-        self._client.call("set_backend", SLOW_CALL_TIMEOUT_S, name=name)
+    def set_backend(self, name: str, **options: Any) -> None:
+        """Drive the simulation or a robot, with a fresh control process; `options` as BackendChoice.options.
+
+        Raises:
+            InvalidFieldError: an option that is not allowed.
+            RefusedError: hardware is not available or does not answer (then the simulation runs), the robot is not at
+                rest in damping, or another change is under way.
+        """
+        request = validated(BackendRequest, {"name": name, "options": options})
+        choice = BackendChoice()
+        if name == "hardware":
+            choice = BackendChoice(with_options(self._hardware, request["options"]))
+            reason = unavailable_because()
+            if reason is not None:
+                raise RefusedError(f"backend 'hardware' is not available: {reason}")
+        with self._switch():
+            if choice == self.backend and self._client.alive:
+                return
+            status = self.hardware_status()
+            if status is not None and status.state in ACTIVE:
+                raise RefusedError(f"the robot's drives are {status.state.name}; sit or damp it first")
+            try:
+                self._start(choice, paused=False)
+            except (ControlDeadError, ControlTimeoutError) as error:
+                if choice.hardware is None:
+                    raise
+                reason = self._client.death or str(error)
+                self._start(BackendChoice(), paused=False)
+                raise RefusedError(f"backend 'hardware' cannot be used: {reason}. The simulation runs instead") from None
+
+    def drive(self, request: str) -> HardwareStatus:
+        """Ask a robot's drives for a change of state, by the name of a Request; answers once it has begun.
+
+        Raises:
+            InvalidFieldError: no such request.
+            RefusedError: the backend is not hardware, or the drives' state forbids it.
+            ControlTimeoutError: the I/O process did not take it.
+        """
+        request = validated(DriveRequest, {"request": request})["request"]
+        self.require_hardware()
+        sequence = self._client.call("drive", request=request)
+        deadline = time.monotonic() + HANDLED_S
+        while (status := self.require_hardware()).request_sequence != sequence:
+            if time.monotonic() > deadline:
+                raise ControlTimeoutError(f"the I/O process did not take {request!r} within {HANDLED_S:g} s")
+            time.sleep(0.005)
+        if status.refused:
+            raise RefusedError(status.message)
+        return status
+
+    def hardware_status(self) -> HardwareStatus | None:
+        """What the robot's I/O process reports, also while the control process is dead; None without a robot."""
+        return None if self.backend.hardware is None else HardwareRemote(self.backend.hardware).status()
+
+    def require_hardware(self) -> HardwareStatus:
+        """`hardware_status`.
+
+        Raises:
+            RefusedError: there is none.
+        """
+        status = self.hardware_status()
+        if status is None and self.backend.hardware is None:
+            raise RefusedError("the backend is the simulation; PUT /api/v1/backend with 'hardware' first")
+        if status is None:
+            raise RefusedError("no I/O process runs, so the robot gets no commands; POST /api/v1/control/restart")
+        return status
 
     def set_scene(self, name: str) -> None:
         """Load a scene with the robot at its start and the command at its default."""
@@ -159,33 +237,78 @@ class Operator:
         return self.submit_estop().result(SLOW_CALL_TIMEOUT_S)
 
     def submit_estop(self) -> "Future[dict[str, Any]]":
-        """`estop` without waiting for the answer."""
-        return self._client.submit("estop")
+        """`estop` without waiting for the answer. A robot's I/O process is told first, which needs no control process.
+
+        Raises:
+            ControlDeadError, ControlTimeoutError: see ControlClient.submit; the next control process starts stopped.
+        """
+        if self.backend.hardware is not None:
+            with contextlib.suppress(BackendError):  # without an I/O process nothing of ours moves the robot
+                HardwareRemote(self.backend.hardware).estop()
+        try:
+            return self._client.submit("estop")
+        except ControlDeadError:
+            self._stop_on_start = self.backend.hardware is not None
+            raise
+
+    def robot_stopped(self) -> bool:
+        """Whether a robot's I/O process reports that it damps in FAULT."""
+        status = self.hardware_status()
+        return status is not None and status.state == DriveState.FAULT
 
     def clear_estop(self) -> dict[str, Any]:
         """Clear the e-stop, with the command at its default; answers `{latched, mode}`."""
         self._hold()
+        self._stop_on_start = False
         return self._client.call("clear_estop")
 
     def restart(self, *, force: bool) -> None:
         """Start a fresh control process in a hold: paused, default command, same scene and selection, e-stop kept.
 
+        On hardware nothing is paused; the robot damps until somebody lets it stand up again.
+
         Raises:
-            RefusedError: one is alive and `force` is not set.
+            RefusedError: one is alive and `force` is not set, or another change is under way.
         """
         if self._client.alive and not force:
             raise RefusedError('the control process is alive; send {"force": true} to replace it')
+        with self._switch():
+            self._start(self.backend, paused=True)
+
+    def close(self) -> None:
+        """End the control process, and a robot's I/O process even if the control process has died."""
+        self._client.close()
+        if self.backend.hardware is not None:
+            HardwareRemote(self.backend.hardware).end()
+
+    @contextlib.contextmanager
+    def _switch(self) -> Iterator[None]:
+        if not self._switching.acquire(blocking=False):
+            raise RefusedError("a control process is starting already; wait for it")
+        try:
+            yield
+        finally:
+            self._switching.release()
+
+    def _start(self, choice: BackendChoice, *, paused: bool) -> None:
+        """A fresh control process with the selection and the latched e-stop of the last one."""
         session = self._launch.session
         snapshot = self._client.snapshot()
-        estopped = self._latched()
+        estopped = self._latched() or self._stop_on_start
         if snapshot is not None:
             pipeline = replace(
                 session.pipeline, controller=snapshot["controller"].decode(), estimator=snapshot["estimator"].decode()
             )
-            session = replace(session, scene=snapshot["scene"].decode(), pipeline=pipeline)
+            session = replace(session, pipeline=pipeline)
+            if self.backend.hardware is None:
+                session = replace(session, scene=snapshot["scene"].decode())
         self._hold()
         self.selection = Selection()
-        self._client.restart(session=session, estopped=estopped)
+        self.backend = choice
+        self._stop_on_start = False
+        self._client.restart(session=session, estopped=estopped, **choice.launch(paused=paused))
+        if self._stop_on_start:  # asked for meanwhile
+            self.submit_estop()
 
     def _hold(self) -> None:
         with self._lock:

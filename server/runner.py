@@ -32,7 +32,7 @@ def serve(config: ServerConfig, announce: Callable[[str], None]) -> None:
     with _listen(config.host, config.port) as listener:
         launch = ControlLaunch(session=config.session)
         client = ControlClient(launch)
-        operator = Operator(client, launch)
+        operator = Operator(client, launch, config.hardware)
         client.start()
         try:
             # Takes a second to import, in which the control process starts.
@@ -40,7 +40,7 @@ def serve(config: ServerConfig, announce: Callable[[str], None]) -> None:
 
             run_web_server(config, listener, operator, announce)
         finally:
-            client.close()
+            operator.close()
 
 
 def _exit(_signal: int, _frame: FrameType | None) -> None:

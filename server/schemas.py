@@ -77,13 +77,32 @@ class RestartRequest(RequestModel):
     force: bool = False
 
 
-class BackendRequest(RequestModel):
-    """Choose what the pipeline drives."""
+class BackendOptions(RequestModel):
+    """Which robot, and how. What is left out is as on the command line of the console."""
 
-    model_config = _examples({"name": "simulation", "options": {}})
+    dry_run: bool = Field(default_factory=bool, description="compute everything and send nothing; true unless said otherwise")
+    allow_robot: bool = Field(default_factory=bool, description="consent to domain 0, another interface than lo, a remote arm")
+    domain: Annotated[int, Number((0, 230))] = Field(default_factory=int, description="DDS domain of the base")
+    interface: Name = Field(default_factory=str, description="network interface that leads to the base")
+    arm_host: Name = Field(default_factory=str, description="address of the arm's z1_ctrl")
+    arm_port: Annotated[int, Number((1, 65534))] = Field(default_factory=int, description="z1_ctrl listens here")
+
+
+class BackendRequest(RequestModel):
+    """Choose what the pipeline drives. `options` are the robot's."""
+
+    model_config = _examples({"name": "hardware", "options": {"dry_run": True}}, {"name": "simulation"})
 
     name: Literal["simulation", "hardware"]
-    options: dict[str, str] = Field(default_factory=dict)
+    options: BackendOptions = Field(default_factory=BackendOptions)
+
+
+class DriveRequest(RequestModel):
+    """Ask the robot's drives for a change of state."""
+
+    model_config = _examples({"request": "engage"}, {"request": "stand"})
+
+    request: Literal["engage", "stand", "start", "hold", "sit", "damp", "release", "clear"]
 
 
 class NameRequest(RequestModel):

@@ -7,12 +7,14 @@ from typing import Any
 import numpy as np
 
 from server.messages import Outcome
+from sim.backends.hardware_backend import unavailable_because
 from sim.backends.mujoco_backend import KEYFRAMES
 from sim.backends.protocol import BackendError
+from sim.hardware_session import HardwareSession
 from sim.scenes import SCENE_NAMES
 from sim.session import Session, SessionError
 
-SLOW_EVENTS = frozenset({"reset", "set_scene", "set_backend", "select_controller", "set_mismatch"})
+SLOW_EVENTS = frozenset({"reset", "set_scene", "select_controller", "set_mismatch"})
 """Known to take longer than a tick; the loop excuses them."""
 
 
@@ -26,6 +28,7 @@ class EventError(Exception):
 
 def describe(session: Session) -> dict[str, Any]:
     """What can be selected, for pages and error messages."""
+    reason = unavailable_because()
     return {
         "controllers": list(session.pipeline.controller_names),
         "estimators": list(session.pipeline.estimator_names),
@@ -33,7 +36,7 @@ def describe(session: Session) -> dict[str, Any]:
         "keyframes": list(KEYFRAMES),
         "backends": [
             {"name": "simulation", "available": True, "reason": None},
-            {"name": "hardware", "available": False, "reason": "no hardware backend is installed yet"},
+            {"name": "hardware", "available": reason is None, "reason": reason},
         ],
     }
 
@@ -46,7 +49,6 @@ class SessionEvents:
         self._handlers: Mapping[str, Callable[..., Any]] = {
             "reset": session.reset,
             "set_scene": session.set_scene,
-            "set_backend": session.set_backend,
             "select_controller": session.select_controller,
             "select_estimator": session.select_estimator,
             "set_mismatch": session.set_mismatch,
@@ -55,6 +57,7 @@ class SessionEvents:
             "add_wrench": session.add_wrench,
             "list_wrenches": self._list_wrenches,
             "remove_wrench": session.remove_wrench,
+            "drive": self._drive,
         }
 
     def carry_out(self, name: str, arguments: dict[str, Any]) -> Any:
@@ -72,6 +75,11 @@ class SessionEvents:
             raise EventError(Outcome.INVALID, str(error)) from error
         except KeyError as error:
             raise EventError(Outcome.MISSING, str(error.args[0])) from error
+
+    def _drive(self, request: str) -> int:
+        if not isinstance(self._session, HardwareSession):
+            raise SessionError("the simulated robot has no drives to engage; PUT /api/v1/backend with 'hardware' first")
+        return self._session.drive(request)
 
     def _list_wrenches(self) -> list[dict[str, Any]]:
         return [

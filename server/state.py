@@ -13,8 +13,10 @@ import numpy as np
 from control.joints import JOINT_NAMES, LEGS
 from control.safety import Fault
 from control.types import Command
+from sim.backends.hardware.states import DriveState, Trip, describe
 from sim.snapshot import Mode
 
+HARDWARE = b"hardware"
 CONTROL_PROCESS_DEAD = "CONTROL_PROCESS_DEAD"
 
 Json = dict[str, Any]
@@ -103,6 +105,18 @@ def _contacts(record: np.void) -> list[Json]:
     ]
 
 
+def _drive(record: np.void) -> Json | None:
+    """State of a robot's drives; None in simulation."""
+    if record["backend"] != HARDWARE:
+        return None
+    faults = describe(Trip(int(record["drive_faults"])))
+    return {
+        "state": DriveState(int(record["drive_state"])).name.lower(),
+        "faults": faults,
+        "dry_run": bool(record["dry_run"]),
+    }
+
+
 def loop_json(record: np.void) -> Json:
     """How the control loop keeps time."""
     return {
@@ -130,6 +144,7 @@ SECTIONS: dict[str, Callable[[np.void], Any]] = {
     "mode": lambda record: Mode(int(record["mode"])).name.lower(),
     "faults": _faults,
     "backend": lambda record: record["backend"].decode(),
+    "drive": _drive,
     "scene": lambda record: record["scene"].decode(),
     "controller": lambda record: record["controller"].decode(),
     "estimator": lambda record: record["estimator"].decode(),

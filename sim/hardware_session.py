@@ -11,15 +11,12 @@ import numpy as np
 from control.pipeline import PipelineOutput
 from control.types import Command
 from sim.backends.hardware.config import HardwareConfig
-from sim.backends.hardware.states import DriveState, Request
+from sim.backends.hardware.states import REQUEST_NAMES, DriveState, Request
 from sim.backends.hardware_backend import HardwareBackend
 from sim.backends.mujoco_backend import MujocoBackend
 from sim.session import Session, SessionConfig, SessionError
 from sim.snapshot import Mode
 from sim.wrenches import ActiveWrench
-
-
-REQUEST_NAMES = tuple(request.name.lower() for request in Request if request != Request.NONE)
 
 
 class HardwareSession(Session):
@@ -73,9 +70,12 @@ class HardwareSession(Session):
 
         Raises:
             ValueError: no such request.
+            SessionError: the e-stop is latched.
         """
         if request not in REQUEST_NAMES:
             raise ValueError(f"request must be one of {', '.join(REQUEST_NAMES)}")
+        if self.pipeline.estop_latched:
+            raise SessionError("the e-stop is latched; POST /api/v1/estop/clear first")
         return self.hardware.request(Request[request.upper()])
 
     def estop(self) -> None:
@@ -116,6 +116,11 @@ class HardwareSession(Session):
         """A robot is dragged by hand."""
 
     def _fill_simulation(self, record: np.void) -> None:
+        hardware = self.hardware
+        record["drive_state"], record["drive_faults"] = hardware.state, int(hardware.faults)
+        record["dry_run"] = hardware.config.dry_run
+        if hardware.state != DriveState.POLICY:
+            record["faults"] = 0  # of a pipeline that only watches
         for name in ("mass_scale_true", "drag_target_in_world", "drag_force"):
             record[name] = np.nan
         record["drag_active"] = False

@@ -137,15 +137,6 @@ class Session:
         self._truth = None
         self._error_power[:] = np.nan
 
-    def set_backend(self, name: str) -> None:
-        """Choose what the pipeline drives.
-
-        Raises:
-            SessionError: that backend is not available.
-        """
-        if name != self.backend.capabilities.name:
-            raise SessionError(f"backend {name!r} is not available; this version drives {self.backend.capabilities.name!r}")
-
     def select_controller(self, name: str) -> None:
         """Switch controllers. Raises UnknownNameError (a ValueError) for an unknown name."""
         self.pipeline.select_controller(name)

@@ -44,6 +44,9 @@ SNAPSHOT = np.dtype(
         ("mode", "u1"),  # Mode
         ("faults", "u4"),  # control.safety.Fault bits
         ("backend", "S16"),
+        ("drive_state", "u1"),  # sim.backends.hardware.states.DriveState; on hardware only, as the next two
+        ("drive_faults", "u4"),  # Trip bits
+        ("dry_run", "?"),  # nothing is sent to the robot
         ("scene", "S16"),
         ("controller", "S16"),
         ("estimator", "S16"),

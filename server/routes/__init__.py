@@ -1,5 +1,5 @@
 """The REST interface, one module per group of calls."""
 
-from server.routes import command, safety, selection, simulation, system, wrenches
+from server.routes import command, hardware, safety, selection, simulation, system, wrenches
 
-ROUTERS = (system.router, command.router, safety.router, simulation.router, selection.router, wrenches.router)
+ROUTERS = (system.router, command.router, safety.router, simulation.router, selection.router, wrenches.router, hardware.router)

@@ -6,21 +6,30 @@ from fastapi import APIRouter, Response
 
 from server.control_client import CALL_TIMEOUT_S
 from server.dependencies import TheOperator
-from server.errors import ControlTimeoutError
+from server.errors import ControlDeadError, ControlTimeoutError
 from server.responses import answers, json_response
+
+ROBOT_ATTEMPTS = 20
 
 router = APIRouter(prefix="/api/v1/estop", tags=["safety"])
 
 
 @router.post("", responses=answers({"latched": True, "mode": "estop"}))
 async def estop(operator: TheOperator) -> Response:
-    """Latch the e-stop. The answer carries the state that the backend reports."""
+    """Latch the e-stop. The answer carries the state that the backend reports; a robot stops without a control process too."""
     # Not in the thread pool, where slow calls could be ahead of it.
     try:
         async with asyncio.timeout(CALL_TIMEOUT_S):
             return json_response(await asyncio.wrap_future(operator.submit_estop()))
-    except TimeoutError:
-        raise ControlTimeoutError("the control process did not confirm the e-stop; cut its power") from None
+    except (TimeoutError, ControlDeadError, ControlTimeoutError) as error:
+        # A robot's I/O process has been told too, and answers for it.
+        for _ in range(ROBOT_ATTEMPTS):
+            if operator.robot_stopped():
+                return json_response({"latched": True, "mode": "fault"})
+            await asyncio.sleep(0.01)
+        if isinstance(error, TimeoutError):
+            raise ControlTimeoutError("the control process did not confirm the e-stop; cut its power") from None
+        raise
 
 
 @router.post("/clear", responses=answers({"latched": False, "mode": "running"}))

@@ -14,9 +14,10 @@ router = APIRouter(prefix="/api/v1", tags=["selection"])
 
 _BACKEND = {
     "name": "simulation",
+    "options": {},
     "available": [
         {"name": "simulation", "available": True, "reason": None},
-        {"name": "hardware", "available": False, "reason": "no hardware backend is installed yet"},
+        {"name": "hardware", "available": False, "reason": "the hardware backend needs cyclonedds 11.0.1: pip ..."},
     ],
 }
 _CONTROLLER = {"name": "model_based", "available": ["model_based"]}
@@ -35,8 +36,8 @@ def get_backend(operator: TheOperator) -> Response:
 
 @router.put("/backend", responses=answers(_BACKEND))
 def put_backend(body: BackendRequest, operator: TheOperator) -> Response:
-    """Choose the backend."""
-    operator.set_backend(body.name)
+    """Choose the backend: a fresh control process, with the default command. An engaged robot must sit or damp first."""
+    operator.set_backend(body.name, **body.options.model_dump(exclude_unset=True))
     return json_response(_backend(operator))
 
 
@@ -68,8 +69,8 @@ def put_estimator(body: EstimatorRequest, operator: TheOperator) -> Response:
 
 
 def _backend(operator: Operator) -> dict[str, Any]:
-    snapshot = operator.client.require_snapshot()
-    return {"name": snapshot["backend"].decode(), "available": operator.available()["backends"]}
+    backend = operator.backend
+    return {"name": backend.name, "options": backend.options(), "available": operator.available()["backends"]}
 
 
 def _controller(operator: Operator) -> dict[str, Any]:

@@ -1,5 +1,7 @@
 """Running, stepping and resetting the simulation, its scene, and how its robot differs from the model."""
 
+import math
+
 from fastapi import APIRouter, Response
 
 from server.dependencies import TheOperator
@@ -67,4 +69,6 @@ def _scene(operator: TheOperator) -> dict[str, object]:
 def _mismatch(operator: TheOperator) -> dict[str, object]:
     selection = operator.selection
     true = float(operator.client.require_snapshot()["mass_scale_true"])
+    if math.isnan(true):
+        return {"mass_scale": None, "per_link": {}, "mass_scale_true": None}  # a robot weighs what it weighs
     return {"mass_scale": selection.mass_scale, "per_link": dict(selection.per_link or {}), "mass_scale_true": true}

@@ -41,6 +41,7 @@ _STATE = {
     "mode": "running",
     "faults": [],
     "backend": "simulation",
+    "drive": None,
     "scene": "free",
     "controller": "model_based",
     "estimator": "adaptive",

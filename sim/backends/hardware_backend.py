@@ -18,7 +18,7 @@ from control.types import JointCommand, SensorFrame
 from sim.backends.hardware.config import HardwareConfig
 from sim.backends.hardware.records import IO_COMMAND, IO_STATE, READ_ATTEMPTS, IoMemory, memory_path
 from sim.backends.hardware.remote import ALIVE_S, HardwareRemote
-from sim.backends.hardware.states import DriveState, Request
+from sim.backends.hardware.states import DriveState, Request, Trip
 from sim.backends.hardware.status import HardwareStatus, status_from_record
 from sim.backends.protocol import BackendError, Capabilities
 from sim.backends.unitree.dds import INSTALL_HINT
@@ -137,6 +137,11 @@ class HardwareBackend:
     def state(self) -> DriveState:
         """Of the drives, as of the last `read` or `status`."""
         return DriveState(int(self._record["state"]))
+
+    @property
+    def faults(self) -> Trip:
+        """Why the drives damp, as of the last `read` or `status`."""
+        return Trip(int(self._record["faults"]))
 
     def handled(self) -> bool:
         """Whether the I/O process has taken the last request."""

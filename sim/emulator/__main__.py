@@ -1,6 +1,7 @@
 """`python -m sim.emulator`: an emulated robot on this machine, for the console's hardware backend and the vendor's software.
 
-Faults are switched by JSON lines on standard input, for example {"freeze": true} or {"nan": "FL_calf"}.
+While it runs it obeys JSON lines on standard input, for example {"freeze": true}, {"nan": "FL_calf"},
+{"push": {"force_n": [15, 0, 0], "duration_s": 2}} or {"report": true}; see sim/emulator/orders.py.
 """
 
 import argparse
@@ -11,7 +12,6 @@ import signal
 import sys
 import threading
 from collections.abc import Sequence
-from dataclasses import fields
 
 from control.joints import JOINT_NAMES
 from sim.backends.protocol import BackendError
@@ -19,7 +19,7 @@ from sim.backends.unitree.dds import DdsConfig, DdsRobotLink
 from sim.emulator.arm_controller import ArmPorts
 from sim.emulator.base_board import DEFAULT_MODE
 from sim.emulator.emulator import Emulator, EmulatorConfig
-from sim.emulator.faults import Faults
+from sim.emulator.orders import obey
 
 FIFO_PRIORITY = 25
 
@@ -57,7 +57,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         _log.error("%s", error)
         return 2
     signal.signal(signal.SIGTERM, signal.default_int_handler)
-    threading.Thread(target=_read_faults, args=(emulator.faults,), daemon=True).start()
+    threading.Thread(target=_read_orders, args=(emulator,), daemon=True).start()
     _log.info("robot on DDS domain %d, interface %s; arm on UDP %d", options.domain, options.interface, options.arm_port)
     try:
         if options.lockstep:
@@ -84,16 +84,17 @@ def _request_realtime() -> None:
         _log.warning("no real-time scheduling (%s): states will be late under load", error)
 
 
-def _read_faults(faults: Faults) -> None:
-    names = ", ".join(field.name for field in fields(Faults))
+def _read_orders(emulator: Emulator) -> None:
     for line in sys.stdin:
         try:
-            changes = json.loads(line)
-            if not isinstance(changes, dict):
-                raise ValueError(f"a line must be a JSON object with fields of {names}")
-            faults.update(changes, JOINT_NAMES)
+            obey(emulator, line, _answer)
         except ValueError as error:
             _log.error("%s", error)
+
+
+def _answer(text: str) -> None:
+    sys.stdout.write(text + "\n")
+    sys.stdout.flush()
 
 
 if __name__ == "__main__":

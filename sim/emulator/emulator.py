@@ -1,7 +1,9 @@
 """The emulated robot as a whole: body, base board and arm controller, stepped at 500 Hz in real time or in lockstep."""
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from queue import SimpleQueue
 
 import numpy as np
 
@@ -54,9 +56,16 @@ class Emulator:
         self.steps = 0
         self.resends = 0
         self._link = link
+        self._orders: SimpleQueue[Callable[[], object]] = SimpleQueue()
+
+    def between_steps(self, action: Callable[[], object]) -> None:
+        """Run `action` before the next step, in the thread that steps. Any thread may ask."""
+        self._orders.put(action)
 
     def step(self) -> None:
         """Take in commands, advance by 2 ms, publish."""
+        while not self._orders.empty():
+            self._orders.get()()
         self.arm.receive()
         self.base.receive()
         self.base.drive(self.command)

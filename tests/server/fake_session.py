@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 
 from control.command import DEFAULT_COMMAND
+from sim.backends.mujoco_backend import MujocoBackend
 from sim.backends.protocol import BackendError
-from sim.session import SessionConfig, SessionError
+from sim.session import SessionConfig
 from sim.snapshot import Mode, command_from_record
 
 
@@ -24,7 +25,7 @@ class FakeSession:
         self.scene = self.config.scene
         self.latched = False
         self.pipeline = SimpleNamespace(controller_names=("model_based",), estimator_names=("adaptive",))
-        self.backend = SimpleNamespace(close=lambda: None)
+        self.backend = SimpleNamespace(close=lambda: None, capabilities=MujocoBackend.capabilities)
         self.command_sequence = 0
         self.command = DEFAULT_COMMAND
 
@@ -59,9 +60,6 @@ class FakeSession:
 
     def set_scene(self, name: str) -> None:
         self.scene = name
-
-    def set_backend(self, name: str) -> None:
-        raise SessionError(f"backend {name!r} is not available")
 
     def select_controller(self, name: str) -> None:
         if name == "suicide":

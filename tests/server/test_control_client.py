@@ -50,7 +50,7 @@ def test_it_says_what_can_be_selected_and_publishes(client: ControlClient) -> No
 @pytest.mark.parametrize(
     ("event", "arguments", "error"),
     [
-        ("set_backend", {"name": "hardware"}, RefusedError),
+        ("drive", {"request": "stand"}, RefusedError),
         ("select_estimator", {"name": "x"}, InvalidFieldError),
         ("remove_wrench", {"key": 1}, MissingError),
         ("select_controller", {"name": "x"}, ServerError),

@@ -11,10 +11,10 @@ import pytest
 from fake_session import FakeSession
 
 from control.command import DEFAULT_COMMAND
-from sim import shared_record
 from server.control_loop import PUBLISH_EVERY, ControlLoop
 from server.messages import Close, Event, Outcome, Reply
 from server.pacing import Pacer
+from sim import shared_record
 from sim.shared_record import SharedRecord
 from sim.snapshot import SETPOINT, SNAPSHOT, Mode
 
@@ -161,7 +161,7 @@ def test_whoever_has_a_reply_also_sees_its_effect(bench: Bench) -> None:
 @pytest.mark.parametrize(
     ("name", "arguments", "outcome", "said"),
     [
-        ("set_backend", {"name": "hardware"}, Outcome.REFUSED, "not available"),
+        ("drive", {"request": "stand"}, Outcome.REFUSED, "no drives to engage"),
         ("select_estimator", {"name": "x"}, Outcome.INVALID, "unknown estimator"),
         ("remove_wrench", {"key": 9}, Outcome.MISSING, "not at work"),
         ("select_controller", {"name": "x"}, Outcome.FAILED, "a defect"),

@@ -8,6 +8,8 @@ import pytest
 from conftest import RunningServer
 
 from control.joints import JOINT_COUNT, JOINT_NAMES
+from server import operator
+from sim.backends.unitree.dds import INSTALL_HINT
 
 
 def strict(response: httpx.Response) -> dict:
@@ -134,14 +136,24 @@ def test_the_controller_is_listed_and_chosen(server: RunningServer) -> None:
     assert "model_based" in strict(server.http.get("/api/v1/controller"))["available"]
 
 
-def test_the_backend_says_why_hardware_is_not_available(server: RunningServer) -> None:
+def test_without_its_extra_the_hardware_backend_says_how_to_get_it(
+    server: RunningServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(operator, "unavailable_because", lambda: INSTALL_HINT)
     listed = strict(server.http.get("/api/v1/backend"))
-    assert listed["name"] == "simulation"
-    assert {entry["name"]: entry["available"] for entry in listed["available"]} == {"simulation": True, "hardware": False}
+    assert (listed["name"], listed["options"]) == ("simulation", {})
+    assert [entry["name"] for entry in listed["available"]] == ["simulation", "hardware"]
     refused = server.http.put("/api/v1/backend", json={"name": "hardware", "options": {}})
     assert refused.status_code == 409
-    assert "no hardware backend is installed yet" in refused.json()["detail"]
+    assert "pip install 'forcelens[hardware]'" in refused.json()["detail"]
     assert strict(server.http.put("/api/v1/backend", json={"name": "simulation"}))["name"] == "simulation"
+
+
+def test_a_simulated_robot_has_no_drives_to_engage(server: RunningServer) -> None:
+    for refused in (server.http.get("/api/v1/hardware"), server.http.post("/api/v1/hardware", json={"request": "engage"})):
+        assert refused.status_code == 409
+        assert "PUT /api/v1/backend" in refused.json()["detail"]
+    assert server.state()["drive"] is None
 
 
 def test_a_wrench_is_listed_felt_and_ended(server: RunningServer) -> None:

@@ -51,6 +51,14 @@ ALLOWED_FROM: dict[Request, frozenset[DriveState]] = {
 """START and HOLD switch between the held stance and the controller; RELEASE stops publishing."""
 
 
+REQUEST_NAMES = tuple(request.name.lower() for request in Request if request != Request.NONE)
+
+
+def allowed_requests(state: DriveState) -> list[str]:
+    """Names, in lower case, of what may be asked for in `state`."""
+    return [request.name.lower() for request, states in ALLOWED_FROM.items() if state in states]
+
+
 class Trip(IntFlag):
     """Reasons to damp (`faults`) or to warn (`warnings`)."""
 

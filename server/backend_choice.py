@@ -1,0 +1,66 @@
+"""What a control process drives: the simulation, or one robot."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+from server.errors import InvalidFieldError
+from sim.backends.hardware.config import HardwareConfig
+from sim.backends.unitree.dds import RobotNetworkError
+from sim.hardware_session import HardwareSession
+from sim.session import Session
+
+
+@dataclass(frozen=True, slots=True)
+class BackendChoice:
+    """The simulation, or with `hardware` a robot."""
+
+    hardware: HardwareConfig | None = None
+
+    @property
+    def name(self) -> str:
+        """As in REST."""
+        return "simulation" if self.hardware is None else "hardware"
+
+    def launch(self, *, paused: bool) -> dict[str, Any]:
+        """Fields of ControlLaunch. A robot's time cannot be paused."""
+        if self.hardware is None:
+            return {"make_session": Session, "paused": paused}
+        return {"make_session": partial(HardwareSession, hardware=self.hardware), "paused": False}
+
+    def options(self) -> dict[str, Any]:
+        """As in REST."""
+        if self.hardware is None:
+            return {}
+        base, arm = self.hardware.base, self.hardware.arm
+        return {
+            "dry_run": self.hardware.dry_run,
+            "allow_robot": base.allow_robot,
+            "domain": base.domain,
+            "interface": base.interface,
+            "arm_host": arm.host,
+            "arm_port": arm.command_port,
+        }
+
+
+def with_options(config: HardwareConfig, options: Mapping[str, Any]) -> HardwareConfig:
+    """`config` with some of BackendChoice.options changed. The arm answers on the port after the one it listens on.
+
+    Raises:
+        InvalidFieldError: a network that may hold a robot, without consent; or one that cannot be.
+    """
+    base = {name: options[name] for name in ("domain", "interface", "allow_robot") if name in options}
+    port = options.get("arm_port", config.arm.command_port)
+    host = options.get("arm_host", config.arm.host)
+    try:
+        return replace(
+            config,
+            base=replace(config.base, **base),
+            arm=replace(config.arm, host=host, command_port=port, state_port=port + 1),
+            dry_run=options.get("dry_run", config.dry_run),
+        )
+    except RobotNetworkError as error:
+        raise InvalidFieldError("options.allow_robot", f"is not given: {error}", "true, if a real robot is meant") from None
+    except ValueError as error:
+        raise InvalidFieldError("options", f"are refused: {error}", "see the message") from None

@@ -1,0 +1,49 @@
+"""What an emulator is told while it runs, one JSON object per line.
+
+{"freeze": true}                                            faults by name: see sim.emulator.faults
+{"push": {"force_n": [15, 0, 0], "duration_s": 2}}          a wrench on the hand: fields of sim.wrenches.Pulse
+{"report": true}                                            answered by one line: see `report`
+"""
+
+import json
+from collections.abc import Callable
+from typing import Any
+
+from control.joints import JOINT_NAMES
+from sim.emulator.emulator import Emulator
+from sim.wrenches import Pulse
+
+
+def obey(emulator: Emulator, line: str, answer: Callable[[str], None]) -> None:
+    """Carry out one line; `answer` is called between two steps.
+
+    Raises:
+        ValueError: the line is no such order; the message names what is wrong.
+    """
+    order = json.loads(line)
+    if not isinstance(order, dict):
+        raise ValueError("an order must be a JSON object")
+    if "push" in order:
+        try:
+            pulse = Pulse(**order["push"])
+        except TypeError as error:
+            raise ValueError(f"push: {error}") from error
+        emulator.between_steps(lambda: emulator.body.backend.wrenches.add(pulse))
+    elif "report" in order:
+        emulator.between_steps(lambda: answer(json.dumps(report(emulator))))
+    else:
+        emulator.faults.update(order, JOINT_NAMES)
+
+
+def report(emulator: Emulator) -> dict[str, Any]:
+    """What the robot does and what its motors were told in the last step."""
+    truth, command = emulator.body.backend.truth(), emulator.command
+    return {
+        "time_s": emulator.body.time_s,
+        "base_position_m": truth.base_position.tolist(),
+        "hand_force_n": truth.end_effector_force.tolist(),
+        "motion_program": emulator.base.mode,
+        "frames_obeyed": emulator.base.accepted,
+        "stiffness_max": float(command.stiffness.max()),
+        "damping_min": float(command.damping.min()),
+    }
