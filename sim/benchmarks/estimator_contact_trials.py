@@ -14,7 +14,6 @@ import numpy as np
 
 from control.command import DEFAULT_COMMAND
 from control.joints import LEGS
-from control.pipeline import TICK_S
 from control.types import Command
 from sim.backends.mujoco_backend import MujocoBackend
 from sim.benchmarks.estimator_panel import SAMPLE_TICKS, EstimatorPanel
@@ -196,47 +195,49 @@ def run_contact_trial(plan: ContactPlan) -> ContactTrial:
     backend.set_mismatch(Mismatch(plan.mass_scale, joint_friction_scale=random.uniform(0.5, 1.5)))
     pipeline = rollout_pipeline()
     panel = EstimatorPanel(pipeline.model, sensors.delay_ticks)
-    times: list[float] = []
-    forces: list[np.ndarray] = []
+    touched_s = np.inf
+    times, forces, touching = [], [], []
     try:
         for tick in drive(backend, pipeline, task.commands(random), plan.duration_s):
             truth = backend.truth()
             panel.observe(tick.sensor, tick.output.base, tick.output.applied_command.mask, truth)
-            forces.append(truth.end_effector_force)
+            in_contact = bool(np.linalg.norm(truth.end_effector_force) > TOUCH_N)
+            if in_contact:
+                touched_s = min(touched_s, tick.time_s)
+            scored = tick.time_s >= touched_s + AFTER_TOUCH_S
+            if scored:
+                forces.append(truth.end_effector_force)
+                touching.append(in_contact)
             if tick.index % SAMPLE_TICKS == 0:
                 if untouchable[backend.data.contact.geom].any():
                     raise RejectedError("contact")
-                panel.sample(truth)
-                times.append(tick.time_s)
+                panel.sample(truth, scored)
+                if scored:
+                    times.append(tick.time_s)
     except RejectedError as reason:
         return _failed(plan, str(reason))
-    force, time = np.array(panel.force_true), np.array(times)
-    touching = np.sqrt((force**2).sum(axis=1)) > TOUCH_N
-    if not touching.any():
-        return _failed(plan, "no contact")
-    kept = time >= time[touching.argmax()] + AFTER_TOUCH_S
-    if not kept.any():
+    if not times:
         return _failed(plan, "no contact")
     return ContactTrial(
         plan,
         failure="",
-        scores=panel.scores(kept),
-        contact_share=float(touching[kept].mean()),
-        rms_force_n=rms_force(force[kept]),
-        ripple_n=_ripple(np.array(forces)[round(time[kept][0] / TICK_S) :]),
-        time_s=time[kept],
-        force_true=force[kept],
+        scores=panel.scores(),
+        contact_share=float(np.mean(touching)),
+        rms_force_n=rms_force(np.array(forces)),
+        ripple_n=_ripple(np.array(forces)),
+        time_s=np.array(times),
+        force_true=np.array(panel.force_true),
     )
+
+
+def _failed(plan: ContactPlan, failure: str) -> ContactTrial:
+    return ContactTrial(plan, failure, {}, 0.0, 0.0, 0.0, np.zeros(0), np.zeros((0, 3)))
 
 
 def _ripple(force: np.ndarray) -> float:
     """See ContactTrial.ripple_n; force (n, 3) N at 500 Hz."""
     blocks = force[: len(force) // SAMPLE_TICKS * SAMPLE_TICKS].reshape(-1, SAMPLE_TICKS, 3)
     return rms_force((blocks - blocks.mean(axis=1, keepdims=True)).reshape(-1, 3))
-
-
-def _failed(plan: ContactPlan, failure: str) -> ContactTrial:
-    return ContactTrial(plan, failure, {}, 0.0, 0.0, 0.0, np.zeros(0), np.zeros((0, 3)))
 
 
 def _part_may_not_touch(scene: SceneModel) -> np.ndarray:

@@ -9,6 +9,7 @@ from control.force_estimator import EstimatorInput, ForceEstimator
 from control.force_estimators import EstimatorsConfig, make_estimators
 from control.frames import rotation_from_quaternion
 from control.network_weights import WEIGHTS_DIRECTORY
+from control.pipeline import TICK_S
 from control.robot_model import RobotModel
 from control.types import BaseState, SensorFrame
 from sim.backends.protocol import GroundTruth
@@ -16,6 +17,7 @@ from sim.benchmarks.estimator_ablations import Ablation, make_ablation
 from sim.benchmarks.estimator_scores import Scores
 
 SAMPLE_TICKS = 10
+PERIOD_S = SAMPLE_TICKS * TICK_S
 """Every estimate is sampled at 50 Hz, whatever the live loop spends on it."""
 
 
@@ -23,7 +25,7 @@ class EstimatorPanel:
     """Estimators that watch one rollout, and how far each is off.
 
     Attributes:
-        force_true: (3,) N in heading at every sample.
+        force_true: (3,) N in heading at every sample that was scored.
     """
 
     def __init__(self, model: RobotModel, delay_ticks: int, ablations: Sequence[Ablation] = ()) -> None:
@@ -56,20 +58,26 @@ class EstimatorPanel:
             for estimator in self._informed.values():
                 estimator.observe(informed)
 
-    def sample(self, truth: GroundTruth) -> dict[str, np.ndarray]:
-        """Ask every estimator now and note its error; returns the errors (3,) N by name."""
-        self.force_true.append(truth.end_effector_force)
-        newest: dict[str, np.ndarray] = {}
+    def sample(self, truth: GroundTruth, scored: bool) -> None:
+        """Ask every estimator, every SAMPLE_TICKS from the first tick on: networks count their steps by it.
+
+        Args:
+            truth: of this tick.
+            scored: note the errors.
+        """
+        if scored:
+            self.force_true.append(truth.end_effector_force)
         for name, estimator in (self._estimators | self._informed).items():
             estimate = estimator.estimate()
-            newest[name] = estimate.force_in_heading - truth.end_effector_force
-            self._errors[name].append(newest[name])
-            self._sigmas[name].append(np.full(3, np.nan) if estimate.sigma_n is None else estimate.sigma_n)
-        return newest
+            if scored:
+                self._errors[name].append(estimate.force_in_heading - truth.end_effector_force)
+                self._sigmas[name].append(np.full(3, np.nan) if estimate.sigma_n is None else estimate.sigma_n)
 
-    def scores(self, kept: np.ndarray | slice = slice(None)) -> dict[str, Scores]:
-        """Errors so far by estimator, of the samples in `kept`."""
-        return {name: Scores(np.array(self._errors[name])[kept], np.array(self._sigmas[name])[kept]) for name in self.names}
+    def scores(self) -> dict[str, Scores]:
+        """Errors so far by estimator; empty where nothing was scored."""
+        if not self.force_true:
+            return {}
+        return {name: Scores(np.array(self._errors[name]), np.array(self._sigmas[name])) for name in self.names}
 
     def _with_true_velocity(self, inputs: EstimatorInput, truth: GroundTruth) -> EstimatorInput:
         rotation = rotation_from_quaternion(truth.base_orientation_wxyz)

@@ -5,14 +5,12 @@ from pathlib import Path
 
 import numpy as np
 
-from control.pipeline import TICK_S
-from sim.benchmarks.estimator_panel import SAMPLE_TICKS
+from sim.benchmarks.estimator_panel import PERIOD_S
 from sim.benchmarks.estimator_rows import Cell
 from sim.benchmarks.estimator_scores import Scores
 from sim.benchmarks.estimator_trials import SETTLE_S, Trial
 from sim.benchmarks.report import Row
 
-PERIOD_S = SAMPLE_TICKS * TICK_S
 COLORS = {
     "gmo_pi": "#9aa0a6",
     "gmo_cqp": "#e69f00",

@@ -4,7 +4,7 @@ The robot drives and moves its arm on random commands under the model-based cont
 effector. Sensors are noisy, the base velocity is estimated, joint and ground friction are drawn.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +12,7 @@ import numpy as np
 from control.force_estimators import EstimatorsConfig
 from control.momentum_observer import ObserverGains
 from control.pipeline import TICK_S
+from sim.backends.protocol import GroundTruth
 from sim.benchmarks.estimator_ablations import Ablation
 from sim.benchmarks.estimator_panel import SAMPLE_TICKS, EstimatorPanel
 from sim.benchmarks.estimator_scores import Scores, lag_only_error
@@ -94,14 +95,23 @@ def run_trial(plan: RolloutPlan, ablations: Sequence[Ablation] = ()) -> Trial:
     )
 
 
-def watch(runner: RolloutRunner, plan: RolloutPlan, ablations: Sequence[Ablation] = ()) -> EstimatorPanel:
-    """Run to the end with every estimator watching. Raises RejectedError."""
+def watch(
+    runner: RolloutRunner,
+    plan: RolloutPlan,
+    ablations: Sequence[Ablation] = (),
+    is_scored: Callable[[GroundTruth], bool] = lambda truth: True,
+) -> EstimatorPanel:
+    """Run to the end with every estimator watching; scored from SETTLE_S on, where `is_scored`.
+
+    Raises:
+        RejectedError: see sim.rollout_runner.
+    """
     panel = EstimatorPanel(runner.pipeline.model, plan.delay_ticks, ablations)
     for tick in runner.ticks():
         truth = runner.backend.truth()
         panel.observe(tick.sensor, tick.output.base, tick.output.applied_command.mask, truth)
-        if tick.index % SAMPLE_TICKS == 0 and tick.time_s >= SETTLE_S:
-            panel.sample(truth)
+        if tick.index % SAMPLE_TICKS == 0:
+            panel.sample(truth, tick.time_s >= SETTLE_S and is_scored(truth))
     return panel
 
 
