@@ -89,12 +89,16 @@ class AdaptiveEstimator(ProjectingEstimator):
             return
         # Half a period away from the controller's ticks, which are the longest.
         if self._tick % self._adaptation_ticks == self._adaptation_ticks // 2 and math.isfinite(self.residual.sum()):
-            rows = self._trusted_rows()
-            # R is isotropic, so the frame of the wrenches does not matter here.
-            problem = build_wrench_problem(self._model.wrench_jacobian, self.residual, rows, self._costs)
-            force_n = 0.0 if self._last is None else math.hypot(*self._last.force_in_heading)
-            self._adaptation.update(problem, rows * self.residual, rows[:, None] * self._regressor(), force_n)
+            self._adapt()
         self._tick += 1
+
+    def _adapt(self) -> None:
+        rows, regressor = self._trusted_rows(), self._regressor()
+        corrected = self.residual + regressor @ self._adaptation.parameters
+        # R is isotropic, so the frame of the wrenches does not matter here.
+        problem = build_wrench_problem(self._model.wrench_jacobian, corrected, rows, self._costs)
+        force = solve_positive_definite(problem.hessian, problem.right_side)[FORCE_ROWS]
+        self._adaptation.update(problem, rows * self.residual, rows[:, None] * regressor, math.hypot(*force))
 
     def _project(self, jacobian: np.ndarray, residual: np.ndarray) -> ForceEstimate:
         corrected = residual + self._regressor() @ self._adaptation.parameters

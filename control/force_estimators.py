@@ -9,7 +9,7 @@ from control.gmo_estimators import GmoConstrained, GmoPseudoInverse
 from control.learned_estimators import LearnedEstimator
 from control.momentum_observer import PAPER_GAINS, ObserverGains
 from control.momentum_residual import MomentumResidual
-from control.network_weights import available_networks, load_network
+from control.network_weights import WEIGHTS_DIRECTORY, load_network
 from control.robot_model import RobotModel
 from control.wrench_projection import ProjectionWeights
 from control.wrench_qp import ContactConstraints
@@ -26,8 +26,7 @@ class EstimatorsConfig:
     gmo_weights: W_q and R of gmo_cqp.
     constraints: contact constraints of gmo_cqp.
     adaptive: all of `adaptive`.
-    weights: folder with the networks of the learned estimators; None to run without them, because together they take
-        more of a 2 ms tick than a two-core machine has to spare.
+    weights: folder with the networks of the learned estimators; None to run without them.
     """
 
     period_s: float = 0.002
@@ -35,14 +34,14 @@ class EstimatorsConfig:
     gmo_weights: ProjectionWeights = field(default_factory=ProjectionWeights)
     constraints: ContactConstraints = field(default_factory=ContactConstraints)
     adaptive: AdaptiveConfig = field(default_factory=AdaptiveConfig)
-    weights: Path | None = None
+    weights: Path | None = WEIGHTS_DIRECTORY
 
 
 def make_estimators(model: RobotModel, config: EstimatorsConfig) -> dict[str, ForceEstimator]:
-    """The estimators by name, for inputs that carry `model`: MODEL_BASED_NAMES, then those of LEARNED_NAMES with weights.
+    """The estimators by name, for inputs that carry `model`: MODEL_BASED_NAMES, then LEARNED_NAMES.
 
     Raises:
-        WeightsError: weights exist but do not fit.
+        WeightsError: weights are missing, damaged or do not fit.
     """
     shared = MomentumResidual(config.gmo_gains, config.period_s, with_friction=False)
     constrained = GmoConstrained(shared, model, config.gmo_weights, config.constraints)
@@ -53,10 +52,8 @@ def make_estimators(model: RobotModel, config: EstimatorsConfig) -> dict[str, Fo
         "adaptive": adaptive,
     }
     if config.weights is not None:
-        trained = available_networks(config.weights)
         for name in LEARNED_NAMES:
-            if name in trained:
-                network = load_network(name, config.weights)
-                nominal = constrained if network.manifest.nominal == "gmo_cqp" else adaptive
-                estimators[name] = LearnedEstimator(nominal, network, config.period_s)
+            network = load_network(name, config.weights)
+            nominal = constrained if network.manifest.nominal == "gmo_cqp" else adaptive
+            estimators[name] = LearnedEstimator(nominal, network, config.period_s)
     return estimators

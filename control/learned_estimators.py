@@ -13,6 +13,9 @@ from control.network_weights import ForceNetwork
 from control.projecting_estimator import ProjectingEstimator
 from control.types import ForceEstimate
 
+FIRST_STEP_LEAD_TICKS = 2
+"""By how much the second step of a network comes early."""
+
 
 class LearnedEstimator:
     """A network on the signals of a model-based estimator, which it corrects or, for `tcn`, replaces.
@@ -42,6 +45,7 @@ class LearnedEstimator:
         self._network.reset()
         self._inputs: EstimatorInput | None = None
         self._ticks_since_step = self._ticks_per_step
+        self._started = False
         self._force = np.zeros(3)
         self._sigma: np.ndarray | None = None
 
@@ -61,7 +65,9 @@ class LearnedEstimator:
         if self._inputs is None:
             raise RuntimeError("no tick observed since the last reset; call observe before estimate")
         if self._ticks_since_step >= self._ticks_per_step:
-            self._ticks_since_step = 0
+            # An estimate at every tick begins with the controller's: the next step comes at a tick that has room for it.
+            self._ticks_since_step = 0 if self._started else FIRST_STEP_LEAD_TICKS
+            self._started = True
             self._force, self._sigma = self._network.step(signals_at(self._inputs, self._nominal, nominal))
         if self._corrects:
             return replace(nominal, force_in_heading=nominal.force_in_heading + self._force, sigma_n=self._sigma)

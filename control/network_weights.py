@@ -179,11 +179,6 @@ def load_network(name: str, directory: Path = WEIGHTS_DIRECTORY) -> ForceNetwork
         raise WeightsError(weights, str(error)) from error
 
 
-def available_networks(directory: Path = WEIGHTS_DIRECTORY) -> tuple[str, ...]:
-    """Names with a manifest in `directory`."""
-    return tuple(sorted(path.stem for path in directory.glob("*.json")))
-
-
 def _read_manifest(content: dict[str, Any]) -> NetworkManifest:
     content = dict(content)
     schema = content.pop("schema")

@@ -28,6 +28,9 @@ from control.types import BaseState, Command, ForceEstimate, JointCommand, Senso
 
 TICK_S = 0.002
 CONTROL_DECIMATION = round(CONTROL_PERIOD_S / TICK_S)
+SHOWN_TURNS = (1, 2, 3, 4, 6, 7)
+"""Tick of each control period at which an estimator that is only shown estimates: one per tick, none where `adaptive` adapts,
+the references move or the controller runs."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -207,10 +210,10 @@ class Pipeline:
         self._applied = self._filter.step(self._guidance.step(command, hand, CONTROL_PERIOD_S), hand, CONTROL_PERIOD_S)
 
     def _estimate(self, inputs: EstimatorInput) -> None:
+        phase = self._tick % CONTROL_DECIMATION
         for index, (name, estimator) in enumerate(self._estimators.items()):
             estimator.observe(inputs)
-            # Those that are only shown take turns, so that no tick carries two of their projections.
-            if name == self.estimator_name or self._tick % CONTROL_DECIMATION == (2 * index + 1) % CONTROL_DECIMATION:
+            if name == self.estimator_name or phase == SHOWN_TURNS[index % len(SHOWN_TURNS)]:
                 self._estimates[name] = estimator.estimate()
 
     def _hand(self, base: BaseState, estimate: ForceEstimate) -> HandState:

@@ -25,6 +25,7 @@ class ProjectingEstimator(ABC):
     def __init__(self, residual: MomentumResidual) -> None:
         self._residual = residual
         self._last: ForceEstimate | None = None
+        self._estimated: EstimatorInput | None = None
         self.unexplained = np.zeros(6 + JOINT_COUNT)
 
     @property
@@ -43,7 +44,7 @@ class ProjectingEstimator(ABC):
     def reset(self) -> None:
         """Forget the past; the next tick starts at rest equilibrium."""
         self._residual.reset()
-        self._last = None
+        self._last = self._estimated = None
         self.unexplained = np.zeros(6 + JOINT_COUNT)
 
     def observe(self, inputs: EstimatorInput) -> None:
@@ -51,13 +52,16 @@ class ProjectingEstimator(ABC):
         self._residual.observe(inputs)
 
     def estimate(self) -> ForceEstimate:
-        """Project the newest residual; where that fails, the last good estimate comes back marked stale.
+        """Project the newest residual, once per tick; where that fails, the last good estimate comes back marked stale.
 
         Raises:
             RuntimeError: nothing has been observed since the last reset.
             WrenchProjectionError: the projection failed and there is no good estimate yet.
         """
         inputs, residual = self._residual.inputs, self._residual.residual
+        if self._last is not None and self._estimated is inputs:
+            return self._last
+        self._estimated = inputs
         try:
             if not math.isfinite(residual.sum()):
                 raise WrenchProjectionError(None, "the residual is not finite")

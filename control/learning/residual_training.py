@@ -20,9 +20,10 @@ from torch import nn
 
 from control.force_features import feature_names
 from control.learning.curves import save_curves
-from control.learning.evaluation import calibration_scale, cells, mean_rmse, predict, vector_rmse
+from control.learning.evaluation import Prediction, calibration_scale, cells, mean_rmse, predict, vector_rmse
 from control.learning.losses import beta_likelihood, smooth_l1
 from control.learning.rollout_data import PERIOD_S, SETTLE_STEPS, Rollout, load_split, read_manifest
+from control.learning.shrinkage import choose_output_noise
 from control.learning.targets import TARGETS, TrainingTarget
 from control.learning.tcn_module import TcnModule
 from control.learning.windows import Normalization, WindowSet, wanted_force
@@ -87,7 +88,7 @@ class ResidualTraining:
             period_s=PERIOD_S,
             output_scale_n=float(np.sqrt((wanted**2).mean())),
             output_limit_n=(float(x), float(y), float(z)),
-            output_noise_n=target.output_noise_n,
+            output_noise_n=0.0,
             sigma_scale=(1.0, 1.0, 1.0) if target.gaussian else None,
         )
         self.train_set = WindowSet(train, target, self.normalization, shape.history)
@@ -143,9 +144,11 @@ class ResidualTraining:
             )
 
     def export(self, directory: Path, command: str) -> NetworkManifest:
-        """Write the best epoch's network, calibrated and measured on the validation set."""
+        """Write the best epoch's network, shrunk, calibrated and measured on the validation set."""
         self.module.load_state_dict(self.best_parameters)
         self.module.eval()
+        if self.target.shrinks:
+            self.manifest = replace(self.manifest, output_noise_n=choose_output_noise(self._predict_with_noise))
         if self.target.gaussian:
             scale = calibration_scale(self._predict(self.validation_set, self.validation))
             self.manifest = replace(self.manifest, sigma_scale=scale)
@@ -169,7 +172,11 @@ class ResidualTraining:
         logger.info("wrote %s", path)
         return manifest
 
-    def _predict(self, windows: WindowSet, rollouts: list[Rollout], stride: int = 1) -> list[Any]:
+    def _predict_with_noise(self, noise_n: float) -> list[Prediction]:
+        manifest = replace(self.manifest, output_noise_n=noise_n)
+        return predict(self.module, self.validation_set, self.validation, self.target, manifest, VALIDATION_STRIDE)
+
+    def _predict(self, windows: WindowSet, rollouts: list[Rollout], stride: int = 1) -> list[Prediction]:
         return predict(self.module, windows, rollouts, self.target, self.manifest, stride)
 
     def _nominal_rmse(self) -> float | None:

@@ -17,7 +17,7 @@ class TrainingTarget:
         features_from: nominal estimator that the nominal_* features come from.
         gaussian: output mean and variance, trained by their likelihood without each rollout's bias
             (control.learning.rollout_bias); else the mean alone, by the Smooth-L1 loss.
-        output_noise_n: see control.network_weights.NetworkManifest.
+        shrinks: the correction is shrunk as far as validation asks for (control.learning.shrinkage).
     """
 
     name: str
@@ -26,7 +26,7 @@ class TrainingTarget:
     nominal: str | None
     features_from: str
     gaussian: bool
-    output_noise_n: float = 0.0
+    shrinks: bool = False
 
 
 TARGETS = {
@@ -34,9 +34,7 @@ TARGETS = {
     for target in (
         TrainingTarget("tcn", PAPER_GROUPS, (), None, "adaptive", gaussian=False),
         TrainingTarget("hybrid_paper", PAPER_GROUPS, (), "gmo_cqp", "gmo_cqp", gaussian=False),
-        TrainingTarget(
-            "hybrid", HYBRID_GROUPS, HYBRID_RELATIVE_GROUPS, "adaptive", "adaptive", gaussian=True, output_noise_n=0.1
-        ),
+        TrainingTarget("hybrid", HYBRID_GROUPS, HYBRID_RELATIVE_GROUPS, "adaptive", "adaptive", gaussian=True, shrinks=True),
     )
 }
 """`tcn` and `hybrid_paper` are the paper's (Sec. III.B): same network, loss and data; only the target differs."""

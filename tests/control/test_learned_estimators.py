@@ -12,8 +12,8 @@ from control.force_estimators import LEARNED_NAMES, MODEL_BASED_NAMES, Estimator
 from control.force_features import HYBRID_GROUPS, PAPER_GROUPS, feature_names
 from control.force_signals import signals_at
 from control.joints import JOINT_COUNT, NOMINAL_POSITION
-from control.learned_estimators import LearnedEstimator
-from control.network_weights import NetworkManifest, load_network, save_network
+from control.learned_estimators import FIRST_STEP_LEAD_TICKS, LearnedEstimator
+from control.network_weights import NetworkManifest, WeightsError, load_network, save_network
 from control.projecting_estimator import ProjectingEstimator
 from control.residual_tcn import TcnShape, parameter_shapes
 from control.robot_model import RobotModel
@@ -67,12 +67,13 @@ class Robot:
         return EstimatorInput(self.model, sensor, base)
 
 
-def test_only_networks_with_weights_are_offered(weights: Path) -> None:
+def test_all_networks_run_and_a_missing_one_is_said_with_its_cure(weights: Path) -> None:
     model = RobotModel()
     assert tuple(make_estimators(model, EstimatorsConfig(weights=None))) == MODEL_BASED_NAMES
     assert tuple(make_estimators(model, EstimatorsConfig(weights=weights))) == MODEL_BASED_NAMES + LEARNED_NAMES
-    (weights / "tcn.json").unlink()
-    assert "tcn" not in make_estimators(model, EstimatorsConfig(weights=weights))
+    (weights / "tcn.npz").unlink()
+    with pytest.raises(WeightsError, match=r"tcn.npz.*missing.*residual_training"):
+        make_estimators(model, EstimatorsConfig(weights=weights))
 
 
 @pytest.mark.parametrize("name", LEARNED_NAMES)
@@ -105,10 +106,11 @@ def test_between_network_steps_the_correction_holds_and_the_nominal_part_does_no
         hybrid.observe(robot.tick())
         nominals.append(adaptive.estimate().force_in_heading)
         corrections.append(hybrid.estimate().force_in_heading - nominals[-1])
-    for start in (0, 10, 20):
-        block = np.array(corrections[start : start + 10])
+    second = 10 - FIRST_STEP_LEAD_TICKS
+    for start, stop in ((0, second), (second, second + 10), (second + 10, second + 20)):
+        block = np.array(corrections[start:stop])
         assert np.abs(block - block[0]).max() < 1e-9
-    assert np.abs(corrections[10] - corrections[9]).max() > 1e-6
+        assert np.abs(corrections[stop] - block[0]).max() > 1e-6
     assert np.abs(np.diff(nominals, axis=0)).min(axis=0).max() > 0.0
 
 
@@ -148,10 +150,10 @@ def test_reset_forgets_the_window(weights: Path) -> None:
         np.testing.assert_array_equal(used.estimate().force_in_heading, fresh.estimate().force_in_heading)
 
 
-def test_a_network_that_says_zero_changes_nothing(tmp_path: Path) -> None:
-    save(tmp_path, "hybrid", "adaptive", HYBRID_GROUPS, 0.0)
+def test_a_network_that_says_zero_changes_nothing(weights: Path) -> None:
+    save(weights, "hybrid", "adaptive", HYBRID_GROUPS, 0.0)
     robot = Robot()
-    estimators = make_estimators(robot.model, EstimatorsConfig(weights=tmp_path))
+    estimators = make_estimators(robot.model, EstimatorsConfig(weights=weights))
     hybrid = estimators["hybrid"]
     assert isinstance(hybrid, LearnedEstimator)
     for _ in range(12):

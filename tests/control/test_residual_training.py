@@ -1,15 +1,18 @@
 """Training on made-up rollouts: it learns what is there, resumes exactly, and leaves held-out data out."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
 
+from control.learning.evaluation import Prediction
 from control.learning.losses import beta_likelihood, smooth_l1
 from control.learning.residual_training import ResidualTraining, RunError, TrainingConfig, main
 from control.learning.rollout_bias import rollout_bias
 from control.learning.rollout_data import DatasetError, Rollout, column_sizes, load_split, save_rollout, write_manifest
+from control.learning.shrinkage import NOISES_N, choose_output_noise, worst_ratio
 from control.learning.targets import TARGETS
 from control.learning.windows import Normalization, WindowSet, wanted_force
 from control.network_weights import load_network
@@ -183,3 +186,20 @@ def test_bad_data_is_refused(data: Path) -> None:
     (data / "rollouts/0.npz").unlink()
     with pytest.raises(DatasetError, match="fills the gap"):
         load_split(data, "train")
+
+
+def test_a_correction_is_trusted_as_far_as_it_harms_no_rollout() -> None:
+    def predictions(harmed: bool) -> Callable[[float], list[Prediction]]:
+        def predict_with(noise: float) -> list[Prediction]:
+            good, bad = 1.0 / (1.0 + noise), 0.1 / (1.0 + 100.0 * noise)
+            return [
+                Prediction(np.full((50, 3), 2.0 - good), np.full((50, 3), 2.0), None),
+                Prediction(np.full((50, 3), 1.0 + harmed * (bad - 0.02)), np.ones((50, 3)), None),
+            ]
+
+        return predict_with
+
+    assert choose_output_noise(predictions(harmed=False)) == NOISES_N[0]
+    chosen = choose_output_noise(predictions(harmed=True))
+    assert worst_ratio(predictions(harmed=True)(chosen)) <= 1.0
+    assert chosen == min(noise for noise in NOISES_N if worst_ratio(predictions(harmed=True)(noise)) <= 1.0)
