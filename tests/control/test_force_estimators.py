@@ -20,6 +20,8 @@ from sim.session import Session, SessionConfig
 
 PERIOD_S = 0.002
 FORCE = np.array([6.0, -5.0, 12.0])
+PUSH_SHARE = {"gmo_pi": 0.65, "gmo_cqp": 0.03, "adaptive": 0.1}
+"""Of a force on the base that an estimator may take for one at the hand: the pseudo-inverse spreads it over everything."""
 
 
 class StandingRobot:
@@ -28,6 +30,7 @@ class StandingRobot:
     def __init__(self, arm_scale: float = 1.0, rest_scale: float = 1.0) -> None:
         self.model = RobotModel()
         self.force = np.zeros(3)
+        self.base_wrench = np.zeros(6)
         self.extra_torque = np.zeros(JOINT_COUNT)
         self.position = np.array(NOMINAL_POSITION)
         self.time_s = 0.0
@@ -45,6 +48,7 @@ class StandingRobot:
         arm = model.arm_gravity()
         gravity = self._scales[0] * arm + self._scales[1] * (model.gravity - arm)
         unsupported = gravity - model.wrench_jacobian[12:15].T @ self.force
+        unsupported[:6] -= self.base_wrench
         contacts = model.wrench_jacobian[:12]
         self.wheel_forces = np.linalg.lstsq(contacts[:, :6].T, unsupported[:6], rcond=None)[0]
         balance = unsupported - contacts.T @ self.wheel_forces
@@ -137,6 +141,19 @@ def test_wrong_masses_are_found_and_no_longer_look_like_a_force(arm_scale: float
     assert np.linalg.norm(constrained.force_in_heading - FORCE) > 1.5
     assert isinstance(estimators["adaptive"], AdaptiveEstimator)
     np.testing.assert_allclose(estimators["adaptive"].mass_scales, [arm_scale, rest_scale], atol=0.04)
+
+
+@pytest.mark.parametrize("name", MODEL_BASED_NAMES)
+@pytest.mark.parametrize("axis", range(3))
+def test_a_push_on_the_base_hardly_shows_at_the_hand(name: str, axis: int) -> None:
+    robot = StandingRobot()
+    estimators = {name: make(robot)[name]}
+    robot.force = FORCE
+    run(robot, estimators, 0.02)
+    robot.base_wrench[axis] = 20.0
+    run(robot, estimators, 2.0)
+    error = estimators[name].estimate().force_in_heading - FORCE
+    assert np.linalg.norm(error) < PUSH_SHARE[name] * 20.0
 
 
 def test_a_joint_against_its_stop_is_not_taken_for_a_force() -> None:
