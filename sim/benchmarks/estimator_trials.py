@@ -12,7 +12,7 @@ import numpy as np
 from control.force_estimators import EstimatorsConfig
 from control.momentum_observer import ObserverGains
 from control.pipeline import TICK_S
-from sim.backends.protocol import GroundTruth
+from sim.backends.mujoco_backend import MujocoBackend
 from sim.benchmarks.estimator_ablations import Ablation
 from sim.benchmarks.estimator_panel import SAMPLE_TICKS, EstimatorPanel
 from sim.benchmarks.estimator_scores import Scores, lag_only_error
@@ -99,7 +99,7 @@ def watch(
     runner: RolloutRunner,
     plan: RolloutPlan,
     ablations: Sequence[Ablation] = (),
-    is_scored: Callable[[GroundTruth], bool] = lambda truth: True,
+    is_scored: Callable[[MujocoBackend], bool] = lambda backend: True,
 ) -> EstimatorPanel:
     """Run to the end with every estimator watching; scored from SETTLE_S on, where `is_scored`.
 
@@ -111,7 +111,7 @@ def watch(
         truth = runner.backend.truth()
         panel.observe(tick.sensor, tick.output.base, tick.output.applied_command.mask, truth)
         if tick.index % SAMPLE_TICKS == 0:
-            panel.sample(truth, tick.time_s >= SETTLE_S and is_scored(truth))
+            panel.sample(truth, tick.time_s >= SETTLE_S and is_scored(runner.backend))
     return panel
 
 

@@ -69,17 +69,17 @@ def test_the_robot_drives_up_the_slope() -> None:
     runner = RolloutRunner(plan, plan.seed, case.scene(), forward)
     for _ in runner.ticks():
         pass
-    truth = runner.backend.truth()
-    assert case.is_scored(truth)
-    front, _, rear, _ = truth.wheel_contact_positions
+    assert case.is_scored(runner.backend)
+    front, _, rear, _ = runner.backend.truth().wheel_contact_positions
     assert np.arctan((front[2] - rear[2]) / (front[0] - rear[0])) == pytest.approx(SLOPE_RAD, abs=0.03)
 
 
 def test_bumps_lift_wheels() -> None:
     plan, case = draw_plan(3, 0, "slow", 1.0, (), 4.0), CASES[NUMBER["a wheel lifted"]]
     runner = RolloutRunner(plan, plan.seed, case.scene(), forward)
-    lifted = [case.is_scored(runner.backend.truth()) for _ in runner.ticks()]
-    assert not any(lifted[:200]) and any(lifted)
+    lifted = [case.is_scored(runner.backend) for tick in runner.ticks() if tick.index % SAMPLE_TICKS == 0]
+    assert not any(lifted[5:75])  # stands, then drives on the flat
+    assert sum(lifted[75:]) > 10
 
 
 def test_a_case_that_was_never_met_has_no_row() -> None:
