@@ -14,9 +14,8 @@ from control.joints import JOINT_NAMES, LEGS
 from control.safety import Fault
 from control.types import Command
 from sim.backends.hardware.states import DriveState, Trip, describe
-from sim.snapshot import Mode
+from sim.snapshot import Mode, on_hardware
 
-HARDWARE = b"hardware"
 CONTROL_PROCESS_DEAD = "CONTROL_PROCESS_DEAD"
 
 Json = dict[str, Any]
@@ -107,7 +106,7 @@ def _contacts(record: np.void) -> list[Json]:
 
 def _drive(record: np.void) -> Json | None:
     """State of a robot's drives; None in simulation."""
-    if record["backend"] != HARDWARE:
+    if not on_hardware(record):
         return None
     faults = describe(Trip(int(record["drive_faults"])))
     return {

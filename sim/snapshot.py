@@ -110,6 +110,11 @@ SETPOINT = np.dtype(
 """What the web process writes, latest wins: the command as asked (within limits) and the operator's drag spring."""
 
 
+def on_hardware(record: np.void) -> bool:
+    """Whether a SNAPSHOT record is of a robot behind its wire, real or emulated, not of the simulation."""
+    return record["backend"] == b"hardware"
+
+
 def command_from_record(record: np.void) -> Command:
     """Command of a COMMAND record (copied)."""
     return Command(

@@ -6,7 +6,8 @@ import numpy as np
 import viser
 
 from control.safety import Fault
-from sim.snapshot import Mode
+from sim.backends.hardware.states import Trip, describe
+from sim.snapshot import Mode, on_hardware
 
 _FAULT_WORDS = {
     Fault.TILT: "the base tilts too far",
@@ -30,6 +31,8 @@ def alert_text(snapshot: np.void | None) -> tuple[str, str] | None:
     if mode is Mode.ESTOP:
         return "E-stop is latched: the drives only damp. Clear it in the bar at the top.", _RED
     faults = ", ".join(words for fault, words in _FAULT_WORDS.items() if snapshot["faults"] & fault)
+    if on_hardware(snapshot):
+        faults = ", ".join(describe(Trip(int(snapshot["drive_faults"]))))
     if mode is Mode.FAULT:
         return f"Fault, the drives only damp: {faults or 'unknown'}.", _AMBER
     return None

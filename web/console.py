@@ -22,6 +22,7 @@ from web.command_panel import CommandPanel
 from web.drag import GrabHandle, TargetGizmo
 from web.estimators_panel import EstimatorsPanel
 from web.force_arrows import ForceArrows
+from web.hardware_panel import HardwarePanel
 from web.objects import SceneObjects
 from web.policy_panel import PolicyPanel
 from web.scene import Scene
@@ -77,6 +78,8 @@ class Console:
         with tabs.add_tab("Setup", viser.Icon.ADJUSTMENTS):
             self._setup = SetupPanel(server, sink)
             self._policy = PolicyPanel(gui)
+        with tabs.add_tab("Robot", viser.Icon.ROBOT):
+            self._hardware = HardwarePanel(server, sink)
         ViewPanel(server, sink, tabs.add_tab("View", viser.Icon.EYE), self._camera, self._forces, self._contacts)
         panel = gui.add_panel()
         with panel.add_tab("Force on the hand", viser.Icon.CHART_LINE):
@@ -119,6 +122,7 @@ class Console:
         """Show one SNAPSHOT record, or that there is none."""
         with self._server.atomic():
             self._alert.update(snapshot)
+            self._hardware.update(snapshot)
             if snapshot is None:
                 self._forces.hide()
                 self._contacts.hide()

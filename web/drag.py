@@ -5,6 +5,7 @@ import time
 import numpy as np
 import viser
 
+from sim.snapshot import on_hardware
 from web import theme
 from web.command_panel import reachable
 from web.force_arrows import rotation_from_yaw
@@ -53,6 +54,9 @@ class GrabHandle:
         """Follow the hand of a SNAPSHOT record and draw the spring while it pulls."""
         hand = snapshot["end_effector_position_in_world"]
         self._ball.position = hand
+        simulated = not on_hardware(snapshot)
+        if self._ball.visible != simulated:  # a real hand is pulled by hand
+            self._ball.visible = simulated
         active = bool(snapshot["drag_active"])
         if active:
             self.spring.points = np.stack([hand, snapshot["drag_target_in_world"]])[None].astype(np.float32)

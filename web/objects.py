@@ -5,7 +5,7 @@ import numpy as np
 import trimesh
 import viser
 
-from sim.scenes import Primitive, SceneModel, build
+from sim.scenes import SCENE_NAMES, Primitive, SceneModel, build
 
 _ROOT = "/objects"
 
@@ -24,17 +24,21 @@ class SceneObjects:
         name = snapshot["scene"].decode()
         if name != self._name:
             self._name = name
-            self._load(build(name))
+            self._clear()
+            if name in SCENE_NAMES:  # what is around a real robot is unknown
+                self._load(build(name))
         for index, body in enumerate(self._movable[: snapshot["object_count"]]):
             body.position = snapshot["object_position"][index]
             body.wxyz = snapshot["object_orientation_wxyz"][index]
 
-    def _load(self, scene: SceneModel) -> None:
+    def _clear(self) -> None:
         self._scene_api.remove_by_name(_ROOT)
+        self._movable, self.bodies = [], {}
+
+    def _load(self, scene: SceneModel) -> None:
         self._scene_api.add_frame(_ROOT, show_axes=False)
         data = mujoco.MjData(scene.model)
         mujoco.mj_kinematics(scene.model, data)
-        self.bodies = {}
         for body in dict.fromkeys(primitive.body for primitive in scene.primitives):
             pose = data.body(body)
             self.bodies[body] = self._scene_api.add_frame(

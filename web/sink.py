@@ -6,6 +6,7 @@ from typing import Any, Literal, Protocol, TypeVar
 import viser
 
 from control.command import CommandLimits
+from sim.backends.hardware.status import HardwareStatus
 
 
 class ConsoleSink(Protocol):
@@ -41,6 +42,16 @@ class ConsoleSink(Protocol):
 
     def set_run(self, state: Literal["running", "paused"] | None, speed: float | None) -> object:
         """Run or pause, and at which speed; None leaves as it is. Waits until it is done."""
+
+    def set_backend(self, name: str, **options: Any) -> object:
+        """Drive the simulation or a robot. Waits until a fresh control process runs."""
+
+    def drive(self, request: str) -> object:
+        """Ask a robot's drives for a change of state, by the name of a Request. Waits until it has begun."""
+
+    def hardware_status(self) -> HardwareStatus | None:
+        """What a robot's I/O process reports; None in simulation, or when it has died. Returns at once."""
+        ...
 
 
 Event = TypeVar("Event", bound=Any)

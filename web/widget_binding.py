@@ -22,6 +22,11 @@ def attempt(action: Callable[[], object], client: viser.ClientHandle | None) -> 
         notify(client, str(refusal))
 
 
+def text(field: str) -> Callable[[np.void], str]:
+    """Reader of a text field of a SNAPSHOT record."""
+    return lambda snapshot: snapshot[field].decode()
+
+
 class Worker:
     """Runs actions that wait for the control process, off Viser's event loop. Of one key only the newest is kept."""
 

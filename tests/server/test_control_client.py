@@ -97,7 +97,7 @@ def test_kill_is_noticed_fails_open_calls_and_a_fresh_process_starts_in_a_hold(c
     with pytest.raises(ControlDeadError, match="restart"):
         client.call("estop")
 
-    client.restart(session=SessionConfig(scene="box"), estopped=True)
+    client.restart(session=SessionConfig(scene="box"), estopped=True, paused=True)
     eventually(lambda: client.require_snapshot()["scene"] == b"box")
     assert client.alive
     assert int(client.require_snapshot()["sequence"]) > last

@@ -3,6 +3,7 @@
 from typing import Any
 
 from control.command import CommandLimits
+from sim.backends.hardware.status import HardwareStatus
 
 
 class RecordingSink:
@@ -12,6 +13,7 @@ class RecordingSink:
 
     def __init__(self) -> None:
         self.calls: list[tuple[str, Any]] = []
+        self.status: HardwareStatus | None = None
 
     def available(self) -> dict[str, Any]:
         return {
@@ -44,6 +46,15 @@ class RecordingSink:
 
     def set_scene(self, name: str) -> None:
         self._call("set_scene", name)
+
+    def set_backend(self, name: str, **options: Any) -> None:
+        self._call("set_backend", (name, options))
+
+    def drive(self, request: str) -> None:
+        self._call("drive", request)
+
+    def hardware_status(self) -> HardwareStatus | None:
+        return self.status
 
     def set_run(self, state: str | None, speed: float | None) -> None:
         self._call("set_run", (state, speed))

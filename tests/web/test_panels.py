@@ -9,7 +9,7 @@ from control.safety import Fault
 from sim.snapshot import Mode
 from web.alert import alert_text
 from web.command_panel import CommandPanel, reachable
-from web.setup_panel import SetupPanel, backends_html
+from web.setup_panel import SetupPanel
 
 
 @pytest.fixture
@@ -54,10 +54,16 @@ def test_what_runs_is_shown(server: viser.ViserServer, sink: RecordingSink, snap
     assert (setup.mass.value, setup.speed.value) == (1.2, 0.5)
 
 
-def test_a_backend_that_cannot_be_used_says_why(sink: RecordingSink) -> None:
-    text = backends_html(sink.available()["backends"], "simulation")
-    assert "<b>simulation</b>: in use" in text
-    assert "hardware: not available. no robot &lt;answers&gt;" in text
+def test_what_only_a_simulation_has_is_hidden_on_hardware(
+    server: viser.ViserServer, sink: RecordingSink, snapshot: np.void
+) -> None:
+    setup = SetupPanel(server, sink)
+    snapshot["backend"], snapshot["scene"], snapshot["mass_scale_true"] = b"hardware", b"robot", np.nan
+    setup.update(snapshot)
+    assert not setup.mass.visible and not setup.speed.visible
+    snapshot["backend"], snapshot["scene"], snapshot["mass_scale_true"] = b"simulation", b"free", 1.1
+    setup.update(snapshot)
+    assert setup.mass.visible and setup.mass.value == 1.1
 
 
 @pytest.mark.parametrize(

@@ -26,15 +26,15 @@ export async function stop() {
   delete button.dataset.pending;
 }
 
-/** Show whether the backend reports a latched e-stop. */
-export function showEstop(latched) {
+/** Show whether the backend reports a latched e-stop; `confirm` says what clearing it does. */
+export function showEstop(latched, confirm) {
   if (button.dataset.latched === String(latched)) return;
   button.dataset.latched = String(latched);
   button.textContent = latched ? "STOPPED" : "E-STOP";
   if (!latched) return hideBanner("estop");
   showBanner("estop", "stop", "E-stop is latched. The drives only damp; the robot may sink to the ground.", {
     label: "Clear e-stop",
-    confirm: "Press again: the robot stands up",
+    confirm,
     act: () => reporting(() => call("POST", "estop/clear")),
   });
 }

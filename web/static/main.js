@@ -36,7 +36,7 @@ function onState(state) {
   latest = state;
   showState(state);
   showForces(state);
-  showEstop(state.mode === "estop");
+  showEstop(state.mode === "estop", state.drive ? "Press again: the drives stay damped" : "Press again: the robot stands up");
   const label = halted ? "Resume" : "Pause";
   if (pauseButton.textContent !== label) pauseButton.textContent = label;
   pauseButton.setAttribute("aria-pressed", String(halted));
@@ -45,7 +45,7 @@ function onState(state) {
 }
 
 function showDead(dead) {
-  pauseButton.disabled = resetButton.disabled = dead;
+  pauseButton.disabled = resetButton.disabled = dead || latest.drive !== null;
   if (!dead) return hideBanner("control");
   showMode("stopped");
   showForces(null);
@@ -57,7 +57,8 @@ function showDead(dead) {
 
 /** Faults that damp get a banner; limits that come and go are told in the status bar, which does not move the scene. */
 function showFaults(state) {
-  const words = state.faults.filter((fault) => fault !== DEAD).map((fault) => FAULT_WORDS[fault.toLowerCase()] ?? fault);
+  const faults = state.faults.filter((fault) => fault !== DEAD).map((fault) => FAULT_WORDS[fault.toLowerCase()] ?? fault);
+  const words = [...(state.drive?.faults ?? []), ...faults];
   const damped = state.mode === "fault" && words.length > 0;
   if (damped) showBanner("fault", "warn", `Fault: ${words.join(", ")}. The drives only damp.`);
   else hideBanner("fault");

@@ -1,6 +1,7 @@
 /** The facts of the status bar, as the control process reports them. */
 
-const MODE_WORDS = { running: "Running", guidance: "Guidance", paused: "Paused", estop: "E-stop", fault: "Fault", stopped: "Stopped" };
+const MODE_WORDS = { running: "Running", guidance: "Guidance", paused: "Paused", estop: "E-stop", fault: "Fault", stopped: "Stopped",
+  disconnected: "No robot", observe: "Observing", damped: "Damped", standing_up: "Standing up", ready: "Ready", sitting: "Sitting down" };
 const LINK_WORDS = { live: "live", connecting: "connecting", lost: "lost, retrying" };
 
 const element = (id) => document.getElementById(id);
@@ -15,14 +16,22 @@ function show(id, text, level = "") {
 export function showState(state) {
   const paused = state.mode === "paused";
   const { real_time_factor: factor, speed, overruns, lateness_p99_ms: lateness, realtime_scheduling: realtime } = state.loop;
-  showMode(state.mode === "running" && state.command.guidance ? "guidance" : state.mode);
-  show("backend", `${state.backend}, ${state.scene}`);
+  showMode(modeOf(state));
+  const drive = state.drive;
+  show("backend", drive ? `${state.backend}${drive.dry_run ? ", dry run" : ""}: ${drive.state.replace("_", " ")}` : `${state.backend}, ${state.scene}`);
   show("real-time", paused ? "–" : `× ${factor.toFixed(2)}`, !paused && factor < SLOW * speed ? "warn" : "");
   show("overruns", String(overruns), overrunning(overruns) ? "warn" : "");
   element("overruns").title =
     `Ticks that missed their 2 ms deadline. 99 % are at most ${lateness.toFixed(2)} ms late; ` +
     `real-time priority is ${realtime ? "granted" : "not granted"}.`;
   show("estimator", state.estimator);
+}
+
+/** Of a robot that is not in the controller's hands, its drives tell more than the loop. */
+function modeOf(state) {
+  if (state.mode !== "running") return state.mode;
+  if (state.drive && state.drive.state !== "policy") return state.drive.state;
+  return state.command.guidance ? "guidance" : "running";
 }
 
 const SLOW = 0.9;
