@@ -15,7 +15,8 @@ import numpy as np
 
 from sim.benchmarks.estimator import add_workers
 from sim.benchmarks.estimator_ablations import ORIGINALS
-from sim.benchmarks.estimator_contact_trials import DURATION_S, TASKS, ContactPlan, ContactTrial, run_contact_trial
+from sim.benchmarks.estimator_contact_tasks import DURATION_S, TASKS
+from sim.benchmarks.estimator_contact_trials import ContactPlan, ContactTrial, run_contact_trial
 from sim.benchmarks.estimator_plots import plot_estimates
 from sim.benchmarks.estimator_scores import coverage, mean_and_deviation
 from sim.benchmarks.report import Report, Row, argument_parser, at_most
@@ -94,8 +95,7 @@ def main() -> int:
         task = TASKS[number].name
         rows = contact_rows(task, "padded" if padded else "rigid", mass_scale, [trials[plan] for plan in cell])
         report.rows += rows
-        hybrid = next((row for row in rows if row["estimator"] == "hybrid"), None)
-        if padded and hybrid is not None:
+        for hybrid in (row for row in rows if padded and row["estimator"] == "hybrid"):
             case = f"{task}, mass x{mass_scale:g}"
             error, ratio = float(hybrid["rmse_vector_n"] or 0.0), float(hybrid["ratio_to_original"] or 0.0)
             report.bars.append(at_most(f"hybrid vector RMSE, {case}", error, BAR_N, "N"))

@@ -8,7 +8,6 @@ import numpy as np
 from control.force_estimator import EstimatorInput, ForceEstimator
 from control.force_estimators import EstimatorsConfig, make_estimators
 from control.frames import rotation_from_quaternion
-from control.network_weights import WEIGHTS_DIRECTORY
 from control.pipeline import TICK_S
 from control.robot_model import RobotModel
 from control.types import BaseState, SensorFrame
@@ -30,7 +29,7 @@ class EstimatorPanel:
 
     def __init__(self, model: RobotModel, delay_ticks: int, ablations: Sequence[Ablation] = ()) -> None:
         """`model` is the pipeline's, updated at every tick; `delay_ticks` is the age of its sensor frames."""
-        config = EstimatorsConfig(weights=WEIGHTS_DIRECTORY)
+        config = EstimatorsConfig()
         self._model = model
         self._estimators: dict[str, ForceEstimator] = make_estimators(model, config)
         self._true_model = RobotModel()

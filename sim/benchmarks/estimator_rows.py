@@ -72,20 +72,21 @@ def cell_rows(cell: Cell, trials: Sequence[Trial]) -> list[Row]:
 
 
 def cell_bars(cell: Cell, rows: Sequence[Row]) -> list[Bar]:
-    """What is asked of the learned corrections in one cell; nothing where a network is missing."""
-    by_name = {str(row["estimator"]): row for row in rows}
-    bars: list[Bar] = []
-    if "hybrid" in by_name:
-        hybrid = {key: float(value) for key, value in by_name["hybrid"].items() if isinstance(value, (int, float))}
-        limit = HYBRID_PER_LINK_BAR_N if cell.per_link else HYBRID_BARS_N[cell.profile]
-        covered = hybrid.get("coverage_2sigma", float("nan"))
-        bars += [
-            at_most(f"hybrid vector RMSE, {cell}", hybrid["rmse_vector_n"], limit, "N"),
-            at_most(f"hybrid over the same without learning, {cell}", hybrid["ratio_to_original"], 1.0, "1"),
-            at_least(f"hybrid errors within 2 sigma, at least, {cell}", covered, COVERAGE_RANGE[0], "1"),
-            at_most(f"hybrid errors within 2 sigma, at most, {cell}", covered, COVERAGE_RANGE[1], "1"),
-        ]
-    if "hybrid_paper" in by_name and cell.mass_scale != 1.0:
-        share = float(by_name["hybrid_paper"]["ratio_to_gmo_cqp"] or np.nan)
+    """What is asked of the learned corrections in one cell; nothing without rows."""
+    if not rows:
+        return []
+    value = {
+        (row["estimator"], key): float(entry) for row in rows for key, entry in row.items() if isinstance(entry, (int, float))
+    }
+    limit = HYBRID_PER_LINK_BAR_N if cell.per_link else HYBRID_BARS_N[cell.profile]
+    covered = hybrid["coverage_2sigma"]
+    bars = [
+        at_most(f"hybrid vector RMSE, {cell}", hybrid["rmse_vector_n"], limit, "N"),
+        at_most(f"hybrid over the same without learning, {cell}", hybrid["ratio_to_original"], 1.0, "1"),
+        at_least(f"hybrid errors within 2 sigma, at least, {cell}", covered, COVERAGE_RANGE[0], "1"),
+        at_most(f"hybrid errors within 2 sigma, at most, {cell}", covered, COVERAGE_RANGE[1], "1"),
+    ]
+    if cell.mass_scale != 1.0:
+        share = numbers["hybrid_paper"]["ratio_to_gmo_cqp"]
         bars.append(at_most(f"hybrid_paper over gmo_cqp, {cell}", share, HYBRID_PAPER_SHARE, "1"))
     return bars

@@ -4,16 +4,8 @@ import numpy as np
 import pytest
 
 from sim.benchmarks.estimator_contact import contact_rows
-from sim.benchmarks.estimator_contact_trials import (
-    AFTER_TOUCH_S,
-    APPROACH_S,
-    BOX_FRICTION,
-    BOX_MASS_KG,
-    TASKS,
-    ContactPlan,
-    ContactTrial,
-    run_contact_trial,
-)
+from sim.benchmarks.estimator_contact_tasks import APPROACH_S, BOX_FRICTION, BOX_MASS_KG, TASKS
+from sim.benchmarks.estimator_contact_trials import AFTER_TOUCH_S, ContactPlan, ContactTrial, run_contact_trial
 
 PRESS, PUSH, SLIDE = range(3)
 
@@ -46,7 +38,7 @@ def test_rigid_surfaces_ripple_more_than_padded_ones() -> None:
 
 
 def test_other_parts_may_not_touch(monkeypatch: pytest.MonkeyPatch) -> None:
-    low = "sim.benchmarks.estimator_contact_trials.WALL_X_M"
+    low = "sim.benchmarks.estimator_contact_tasks.WALL_X_M"
     monkeypatch.setattr(low, 0.35)  # in the trunk
     assert run_contact_trial(ContactPlan(PUSH, True, 1.0, seed=1, duration_s=0.2)).failure == "contact"
 
