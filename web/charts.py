@@ -11,7 +11,7 @@ from web.history import History
 
 WINDOW_S = 10.0
 SAMPLE_PERIOD_S = 0.05
-SEND_PERIOD_S = 0.12
+SEND_PERIOD_S = 0.15
 """Charts are sent whole, so they go out more rarely than poses."""
 
 AXES = ("x", "y", "z")

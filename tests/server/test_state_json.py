@@ -33,6 +33,11 @@ def test_missing_truth_is_null(on_hardware: np.void) -> None:
     assert state["end_effector"]["force_estimated_n"] == [0.0, 0.0, 0.0]
 
 
+def test_a_stated_uncertainty_is_given_per_axis(on_hardware: np.void) -> None:
+    on_hardware["force_sigma"] = [0.1, 0.2, 0.3]
+    assert state_json(on_hardware)["end_effector"]["force_sigma_n"] == [0.1, 0.2, 0.3]
+
+
 def test_estimators_that_do_not_run_are_null_and_unused_slots_are_absent(on_hardware: np.void) -> None:
     assert state_json(on_hardware)["end_effector"]["force_estimates_n"] == {"gmo_pi": [0.0, 0.0, 0.0], "gmo_cqp": None}
     assert estimator_errors(on_hardware) == {"gmo_pi": None, "gmo_cqp": None}

@@ -141,6 +141,16 @@ def test_a_snapshot_is_complete(standing: Session) -> None:
     np.testing.assert_allclose(snapshot["wheel_force_true"][:, 2].sum(), 9.81 * standing.pipeline.model.total_mass, rtol=0.05)
 
 
+def test_the_uncertainty_shown_is_the_one_that_the_selected_estimator_states(standing: Session) -> None:
+    snapshot = np.zeros(1, SNAPSHOT)[0]
+    stated = {name: estimate.sigma_n for name, estimate in standing.output.estimates.items()}
+    assert any(sigma is None for sigma in stated.values())
+    for name, sigma in stated.items():
+        standing.select_estimator(name)
+        standing.fill(snapshot)
+        np.testing.assert_array_equal(snapshot["force_sigma"], np.full(3, np.nan) if sigma is None else sigma)
+
+
 def test_a_fresh_session_has_no_output() -> None:
     with pytest.raises(SessionError, match="tick"):
         _ = Session().output
