@@ -75,9 +75,8 @@ def cell_bars(cell: Cell, rows: Sequence[Row]) -> list[Bar]:
     """What is asked of the learned corrections in one cell; nothing without rows."""
     if not rows:
         return []
-    value = {
-        (row["estimator"], key): float(entry) for row in rows for key, entry in row.items() if isinstance(entry, (int, float))
-    }
+    numbers = {row["estimator"]: {key: x for key, x in row.items() if isinstance(x, float)} for row in rows}
+    hybrid = numbers["hybrid"]
     limit = HYBRID_PER_LINK_BAR_N if cell.per_link else HYBRID_BARS_N[cell.profile]
     covered = hybrid["coverage_2sigma"]
     bars = [
