@@ -1,7 +1,4 @@
-"""One trial of the contact benchmark: every force estimator against the simulated contact force on the tool.
-
-The controller is fed by `adaptive`.
-"""
+"""One trial of the contact benchmark: every force estimator against the simulated contact force on the tool."""
 
 from dataclasses import dataclass
 
@@ -44,8 +41,8 @@ class ContactTrial:
         scores: by estimator, from AFTER_TOUCH_S after the first touch on; empty after a failure.
         contact_share: of these samples, those in contact.
         rms_force_n: of the true force in these samples.
-        ripple_n: root mean square distance of the true force at 500 Hz from its own mean over each 20 ms: the error, from
-            the first touch on, of an estimate at 50 Hz that is perfect on average.
+        ripple_n: root mean square distance of the true force at 500 Hz from its own mean over each 20 ms: the error that an
+            estimate at 50 Hz has at least.
         time_s, force_true: (n,) s and (n, 3) N of these samples.
     """
 
