@@ -1,7 +1,8 @@
 """What the whole-body policy observes, eq. (rl_observation), for one robot and, by the same code, for a training batch.
 
-Two forms: "paper", the paper's 89 numbers, and "extended", which adds errors, integrals and the estimated motion of the
-base (control.task_memory). Everything is known on hardware: joint encoders and torques, the IMU, estimates made of them,
+Forms: "paper", the paper's 89 numbers; "extended", which adds errors, integrals and the estimated motion of the base
+(control.task_memory); "residual", which observes the same but corrects the model-based controller (control.policy) instead
+of acting alone. Everything is known on hardware: joint encoders and torques, the IMU, estimates made of them,
 and the robot's own commands.
 """
 
@@ -21,6 +22,7 @@ GAIT_FREQUENCY_HZ = 1.5
 
 PAPER_FORM = "paper"
 EXTENDED_FORM = "extended"
+RESIDUAL_FORM = "residual"
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,12 +59,17 @@ class ActionScales:
     """Target = nominal + scale * action, eq. of the action: rad for legs and arm, rad/s for wheels.
 
     The drives are soft, so a target lies as far from the joint as its torque asks: up to 2 rad on the arm.
+
+    Attributes:
+        leg_rad, wheel_rps, arm_rad: one unit of action.
+        limit: largest action. correction_limit: largest part of it that a residual policy adds.
     """
 
     leg_rad: float = 0.25
     wheel_rps: float = 5.0
     arm_rad: float = 0.5
     limit: float = 8.0
+    correction_limit: float = 1.0
 
     def per_joint(self) -> np.ndarray:
         """(22,) scale of each joint."""
@@ -110,7 +117,7 @@ _EXTENSION: dict[str, tuple[int, _Part]] = {
     "steering_traction": (1, lambda s, k: k.steering_traction * s.memory.steering_traction),
 }
 
-_FORMS = {PAPER_FORM: _PAPER_PARTS, EXTENDED_FORM: _PAPER_PARTS | _EXTENSION}
+_FORMS = {PAPER_FORM: _PAPER_PARTS, EXTENDED_FORM: _PAPER_PARTS | _EXTENSION, RESIDUAL_FORM: _PAPER_PARTS | _EXTENSION}
 
 
 class Observation:

@@ -78,7 +78,7 @@ class Pipeline:
         self._base_state = BaseStateEstimator(config.base_state, self.model)
         self._estimators = make_estimators(self.model, config.estimators)
         self._controllers: dict[str, Controller] = {"model_based": ModelBasedController(self.model)}
-        self._controllers |= make_policies(config.policies)
+        self._controllers |= make_policies(config.policies, self.model)
         self._filter = CommandFilter(config.limits)
         self._guidance = Guidance(config.guidance)
         self._safety = SafetyGate(config.safety, self.model)

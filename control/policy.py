@@ -1,4 +1,7 @@
-"""The learned whole-body policy as a controller: observation -> actor -> joint targets, at 50 Hz."""
+"""The learned whole-body policy as a controller: observation -> actor -> joint targets, at 50 Hz.
+
+A policy of the residual form adds a bounded correction to the targets of the model-based controller, which it runs inside.
+"""
 
 from pathlib import Path
 
@@ -6,9 +9,10 @@ import numpy as np
 
 from control.controller import Controller, ControllerInput
 from control.joints import DAMPING, NOMINAL_POSITION, STIFFNESS, WHEEL_SLICE
-from control.network_weights import WEIGHTS_DIRECTORY
-from control.observation import ActionScales, Observation, advance_phase, task_signals
+from control.model_based import ModelBasedController
+from control.observation import RESIDUAL_FORM, ActionScales, Observation, advance_phase, task_signals
 from control.policy_weights import Actor, PolicyManifest, available_policies, load_policy
+from control.robot_model import RobotModel
 from control.task_memory import TaskMemory, TaskMemoryConfig, TaskSignals
 
 
@@ -18,16 +22,17 @@ class PolicyController:
     Attributes:
         manifest: of the weights.
         observation: (o,) float32 of the last step; zeros before. `observation_groups` says what lies where.
-        action: (22,) of the last step.
+        action: (22,) of the last step; with the residual form, the corrected one.
     """
 
-    def __init__(self, manifest: PolicyManifest, actor: Actor) -> None:
+    def __init__(self, manifest: PolicyManifest, actor: Actor, model: RobotModel) -> None:
         self.manifest = manifest
         self._actor = actor
         self._form = Observation(manifest.form)
         self._memory = TaskMemory(TaskMemoryConfig())
+        self._corrected = ModelBasedController(model) if manifest.form == RESIDUAL_FORM else None
         scales = ActionScales()
-        self._scale, self._limit = scales.per_joint(), scales.limit
+        self._scale, self._limit, self._correction_limit = scales.per_joint(), scales.limit, scales.correction_limit
         self._nominal = NOMINAL_POSITION.copy()
         self._nominal[WHEEL_SLICE] = 0.0
         self.reset()
@@ -40,6 +45,8 @@ class PolicyController:
     def reset(self) -> None:
         """Forget integrals, phase and the previous action."""
         self._memory.reset()
+        if self._corrected is not None:
+            self._corrected.reset()
         self._started = False
         self._phase = np.zeros(1)
         self.observation = np.zeros(self._form.size, np.float32)
@@ -53,7 +60,11 @@ class PolicyController:
             self._started = True
         self._memory.step(signals)
         self.observation = self._form.assemble(signals, self._memory, self.action, self._phase)
-        self.action = np.clip(self._actor(self.observation).astype(float), -self._limit, self._limit)
+        action = self._actor(self.observation).astype(float)
+        if self._corrected is not None:
+            correction = np.clip(action, -self._correction_limit, self._correction_limit)
+            action = (self._corrected.step(inputs) - self._nominal) / self._scale + correction
+        self.action = np.clip(action, -self._limit, self._limit)
         self._phase = advance_phase(self._phase)
         return self._nominal + self._scale * self.action
 
@@ -66,13 +77,13 @@ class PolicyController:
         return np.clip((target - self._nominal) / self._scale, -self._limit, self._limit)
 
 
-def make_policies(directory: Path | None = WEIGHTS_DIRECTORY) -> dict[str, Controller]:
-    """The policies of `directory` that met the score, by name; none without a directory.
+def make_policies(directory: Path | None, model: RobotModel) -> dict[str, Controller]:
+    """The policies of `directory` that met the score, by name; none without a directory. `model` is the caller's.
 
     Raises:
         PolicyWeightsError: weights exist but do not fit.
     """
     if directory is None:
         return {}
-    policies = (PolicyController(*load_policy(name, directory)) for name in available_policies(directory))
+    policies = (PolicyController(*load_policy(name, directory), model) for name in available_policies(directory))
     return {policy.manifest.name: policy for policy in policies if policy.manifest.meets_score}

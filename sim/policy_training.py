@@ -16,7 +16,7 @@ from control.learning.actor_critic import HIDDEN, ActorCritic
 from control.learning.dagger import DaggerConfig, imitate
 from control.learning.policy_curves import save_policy_curves
 from control.learning.ppo import Ppo, PpoConfig
-from control.observation import EXTENDED_FORM, Observation
+from control.observation import RESIDUAL_FORM, Observation
 from control.policy import PolicyController
 from control.policy_weights import PolicyManifest, interface, load_policy, save_policy
 from control.robot_model import RobotModel
@@ -37,16 +37,16 @@ class PolicyTrainingConfig:
     form: of the observation.
     seed: of initialisation, environment and noise.
     count, threads: robots, and CPU threads of physics and networks.
-    imitation_steps: environment steps of DAgger; 0 to learn from scratch.
+    imitation_steps: environment steps of DAgger; 0 to learn from scratch. The residual form has nothing to imitate.
     ppo_iterations: after it.
     score_every: iterations between two scores.
     score_seed, score_minutes: trials of the score; never those of a benchmark.
-    warm_std, scratch_std: action noise after imitation, and without it.
+    warm_std, scratch_std, residual_std: action noise after imitation, without it, and of corrections.
     bfloat16: compute hidden layers in bfloat16; pays on CPUs with such instructions.
     """
 
     name: str = "policy"
-    form: str = EXTENDED_FORM
+    form: str = RESIDUAL_FORM
     seed: int = 0
     count: int = 512
     threads: int = 1
@@ -54,9 +54,10 @@ class PolicyTrainingConfig:
     ppo_iterations: int = 1600
     score_every: int = 160
     score_seed: int = 7000
-    score_minutes: float = 0.5
+    score_minutes: float = 1.0
     warm_std: float = 0.1
     scratch_std: float = 0.6
+    residual_std: float = 0.06
     bfloat16: bool = True
     dagger: DaggerConfig = field(default_factory=DaggerConfig)
     ppo: PpoConfig = field(default_factory=PpoConfig)
@@ -68,7 +69,7 @@ class RunError(RuntimeError):
 
 def load_controller(directory: Path, name: str, model: RobotModel) -> Controller:
     """The policy `name` of `directory`, whether it has met the score or not."""
-    return PolicyController(*load_policy(name, directory))
+    return PolicyController(*load_policy(name, directory), model)
 
 
 class PolicyTraining:
@@ -83,12 +84,16 @@ class PolicyTraining:
         torch.manual_seed(config.seed)
         torch.set_num_threads(config.threads)
         self.run, self.config = run, config
-        from_scratch = config.imitation_steps == 0
-        std = config.scratch_std if from_scratch else config.warm_std
+        corrects = config.form == RESIDUAL_FORM
+        from_scratch = config.imitation_steps == 0 and not corrects
+        std = config.residual_std if corrects else config.scratch_std if from_scratch else config.warm_std
         self._size = Observation(config.form).size
         self.network = ActorCritic(self._size, PRIVILEGED_SIZE, JOINT_COUNT, std, config.bfloat16)
         self.learner = Ppo(self.network, _FROM_SCRATCH if from_scratch else config.ppo)
-        self.imitated = from_scratch
+        if corrects:
+            # The first policy is the model-based controller itself.
+            torch.nn.init.zeros_(self.network.actor_head.weight)
+        self.imitated = from_scratch or corrects
         self.steps = 0
         self.history: dict[str, list[dict[str, Any]]] = {"imitation": [], "ppo": [], "score": []}
         self.best: dict[str, Any] | None = None

@@ -13,7 +13,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from control.network_weights import WEIGHTS_DIRECTORY
-from control.observation import EXTENDED_FORM, PAPER_FORM
+from control.observation import EXTENDED_FORM, PAPER_FORM, RESIDUAL_FORM
 from control.policy_weights import PolicyManifest
 from sim import fit_estimator_surrogate
 from sim.estimator_surrogate import SURROGATE_FILE
@@ -36,7 +36,8 @@ def main(arguments: list[str] | None = None) -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__)
     defaults = PolicyTrainingConfig()
-    parser.add_argument("--form", choices=(EXTENDED_FORM, PAPER_FORM), default=EXTENDED_FORM, help="what the policy observes")
+    forms = (RESIDUAL_FORM, EXTENDED_FORM, PAPER_FORM)
+    parser.add_argument("--form", choices=forms, default=defaults.form, help="of the policy, see control.observation")
     parser.add_argument("--seeds", type=int, nargs="+", default=[0], help="one run each; with several, the median is exported")
     parser.add_argument("--count", type=int, default=defaults.count, help="robots in the batch")
     parser.add_argument("--threads", type=int, default=1, help="CPU threads of each run")
@@ -51,12 +52,14 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--workers", type=int, default=1, help="runs at a time")
     parser.add_argument("--address", help="of a running Ray cluster")
     options = parser.parse_args(arguments)
+    if options.from_scratch and options.form == RESIDUAL_FORM:
+        parser.error("--from-scratch needs --form extended or paper: a residual policy starts from the model-based controller")
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s", datefmt="%H:%M:%S")
     if not SURROGATE_FILE.is_file():
         fit_estimator_surrogate.main([])
     words = sys.argv[1:] if arguments is None else arguments
     command = shlex.join(["python", "-m", "sim.train_policy", *words])
-    name = "policy" if options.form == EXTENDED_FORM else "policy_paper"
+    name = "policy_paper" if options.form == PAPER_FORM else "policy"
     if options.from_scratch:
         name += "_from_scratch"
     config = replace(

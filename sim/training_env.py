@@ -13,7 +13,7 @@ from control.arm_control import ArmConfig
 from control.command import CommandLimits
 from control.controller import CONTROL_PERIOD_S
 from control.joints import JOINT_COUNT, NOMINAL_BASE_HEIGHT_M, NOMINAL_POSITION, WHEEL_SLICE
-from control.observation import EXTENDED_FORM, ActionScales, Observation, advance_phase
+from control.observation import EXTENDED_FORM, RESIDUAL_FORM, ActionScales, Observation, advance_phase
 from control.task_memory import TaskMemory, TaskMemoryConfig, TaskSignals
 from sim.batch_rotations import quaternions_from_rotations, rotate_back, rotation_errors, rotations_from_quaternions
 from sim.estimator_surrogate import EstimatorSurrogate, SurrogateParameters, fitted_surrogate
@@ -98,11 +98,13 @@ class TrainingEnv:
         self.surroundings = Surroundings(self.robot, self.source, config.surroundings, random)
         surrogate = config.surrogate or fitted_surrogate()
         self.estimator = EstimatorSurrogate(surrogate, self.robot.mass_scale, random)
-        self.teacher = BatchedTeacher(self.robot, config.teacher_arm)
+        self._corrects = config.form == RESIDUAL_FORM
+        # A residual policy corrects the controller as it runs on the robot.
+        self.teacher = BatchedTeacher(self.robot, ArmConfig() if self._corrects else config.teacher_arm)
         self.memory = TaskMemory(TaskMemoryConfig(), (count,))
         self.form = Observation(config.form)
         self.action_scale = ActionScales().per_joint()
-        self._action_limit = ActionScales().limit
+        self._action_limit, self._correction_limit = ActionScales().limit, ActionScales().correction_limit
         self._nominal = NOMINAL_POSITION.copy()
         self._nominal[WHEEL_SLICE] = 0.0
         self._action = np.zeros((count, JOINT_COUNT))
@@ -125,9 +127,12 @@ class TrainingEnv:
         return np.clip((targets - self._nominal) / self.action_scale, -self._action_limit, self._action_limit)
 
     def step(self, action: np.ndarray) -> StepResult:
-        """Act (n, 22) for one control period."""
+        """Act (n, 22) for one control period; with the residual form the action corrects the teacher's."""
         config, robot = self.config, self.robot
-        action = np.clip(action.astype(float), -self._action_limit, self._action_limit)
+        action = action.astype(float)
+        if self._corrects:
+            action = self.teacher_action() + np.clip(action, -self._correction_limit, self._correction_limit)
+        action = np.clip(action, -self._action_limit, self._action_limit)
         robot.set_targets(self._nominal + self.action_scale * action)
         mean_force = np.zeros_like(self._hand_force)
         for substep in range(SUBSTEPS):

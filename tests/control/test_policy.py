@@ -12,8 +12,9 @@ from control.command import DEFAULT_COMMAND
 from control.controller import ControllerInput
 from control.joints import DAMPING, NOMINAL_POSITION, STIFFNESS
 from control.learning.actor_critic import HIDDEN, ActorCritic
+from control.model_based import ModelBasedController
 from control.network_weights import WEIGHTS_DIRECTORY
-from control.observation import EXTENDED_FORM, PAPER_FORM, Observation
+from control.observation import EXTENDED_FORM, PAPER_FORM, RESIDUAL_FORM, ActionScales, Observation
 from control.policy import PolicyController, make_policies
 from control.policy_weights import (
     Actor,
@@ -40,7 +41,7 @@ def random_arrays(layers: tuple[int, ...], seed: int = 0) -> dict[str, np.ndarra
 def write_policy(directory: Path, form: str = EXTENDED_FORM, meets_score: bool = True) -> Path:
     """A small random policy on disk; its manifest's path."""
     layers = (Observation(form).size, 16, 22)
-    name = "policy" if form == EXTENDED_FORM else "policy_paper"
+    name = "policy_paper" if form == PAPER_FORM else "policy"
     manifest = PolicyManifest(name, form, interface(form), layers, meets_score=meets_score)
     return save_policy(directory, manifest, random_arrays(layers))
 
@@ -128,11 +129,11 @@ def test_a_damaged_manifest_is_refused(tmp_path: Path, content: str):
         load_policy("policy", tmp_path)
 
 
-def test_only_policies_that_met_the_score_are_offered(tmp_path: Path):
+def test_only_policies_that_met_the_score_are_offered(tmp_path: Path, model: RobotModel):
     write_policy(tmp_path, EXTENDED_FORM, meets_score=True)
     write_policy(tmp_path, PAPER_FORM, meets_score=False)
-    assert set(make_policies(tmp_path)) == {"policy"}
-    assert make_policies(None) == {}
+    assert set(make_policies(tmp_path, model)) == {"policy"}
+    assert make_policies(None, model) == {}
 
 
 def test_every_shipped_policy_fits_this_code():
@@ -142,7 +143,7 @@ def test_every_shipped_policy_fits_this_code():
 
 def test_the_first_observation_says_which_targets_hold_the_robot_now(tmp_path: Path, model: RobotModel):
     write_policy(tmp_path)
-    controller = PolicyController(*load_policy("policy", tmp_path))
+    controller = PolicyController(*load_policy("policy", tmp_path), model)
     torque = np.linspace(-3.0, 3.0, 22)
     controller.step(standing(model, torque))
     previous = controller.observation[controller.observation_groups["previous_action"]]
@@ -155,10 +156,20 @@ def test_the_first_observation_says_which_targets_hold_the_robot_now(tmp_path: P
 
 def test_targets_follow_the_action_and_reset_forgets(tmp_path: Path, model: RobotModel):
     write_policy(tmp_path)
-    controller = PolicyController(*load_policy("policy", tmp_path))
+    controller = PolicyController(*load_policy("policy", tmp_path), model)
     first = controller.step(standing(model))
     second = controller.step(standing(model))
     assert first.shape == (22,)
     assert not np.array_equal(first, second)
     controller.reset()
     assert np.array_equal(controller.step(standing(model)), first)
+
+
+def test_a_residual_policy_adds_a_bounded_correction_to_the_model_based_controller(tmp_path: Path, model: RobotModel):
+    layers, scales = (Observation(RESIDUAL_FORM).size, 22), ActionScales()
+    arrays = {"weight_0": np.zeros((22, layers[0])), "bias_0": np.linspace(-5.0, 5.0, 22)}
+    save_policy(tmp_path, PolicyManifest("policy", RESIDUAL_FORM, interface(RESIDUAL_FORM), layers), arrays)
+    controller, plain = PolicyController(*load_policy("policy", tmp_path), model), ModelBasedController(model)
+    for _ in range(3):
+        added = (controller.step(standing(model)) - plain.step(standing(model))) / scales.per_joint()
+        assert np.allclose(added, np.clip(arrays["bias_0"], -scales.correction_limit, scales.correction_limit), atol=1e-5)

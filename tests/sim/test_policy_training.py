@@ -9,12 +9,14 @@ import torch
 
 from control.learning.dagger import DaggerConfig
 from control.learning.ppo import PpoConfig
+from control.observation import EXTENDED_FORM, RESIDUAL_FORM
 from control.policy_weights import load_policy
 from sim import policy_training
 from sim.policy_score import Score
 from sim.policy_training import PolicyTraining, PolicyTrainingConfig, RunError
 
 TINY = PolicyTrainingConfig(
+    form=EXTENDED_FORM,
     count=8,
     imitation_steps=20,
     ppo_iterations=2,
@@ -72,3 +74,10 @@ def test_a_policy_below_the_reference_does_not_meet_the_score(tmp_path: Path, sc
     training = PolicyTraining(tmp_path / "run", replace(TINY, ppo_iterations=0))
     training.fit()
     assert not training.export(tmp_path / "out", "command").meets_score
+
+
+def test_residual_training_starts_as_the_model_based_controller(tmp_path: Path, scores: list[str]):
+    training = PolicyTraining(tmp_path, replace(TINY, form=RESIDUAL_FORM, ppo_iterations=0))
+    assert not training.network.mean(torch.from_numpy(training.env.observation)).any()
+    training.fit()
+    assert training.history["imitation"] == []

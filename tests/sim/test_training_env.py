@@ -10,7 +10,7 @@ from control.command import CommandFilter, CommandLimits, HandState
 from control.controller import CONTROL_PERIOD_S, ControllerInput
 from control.frames import quaternion_from_rotation, rotation_from_quaternion
 from control.model_based import ModelBasedController
-from control.observation import task_signals
+from control.observation import RESIDUAL_FORM, ActionScales, task_signals
 from control.robot_model import RobotModel
 from control.task_memory import TaskSignals
 from control.types import BaseState, Command, SensorFrame
@@ -204,3 +204,15 @@ def test_ended_episodes_hand_over_their_last_observation():
         assert result.last_observation.shape == (len(result.ended), env.observation_size)
         assert result.done[result.ended].all()
     assert np.isfinite(env.observation).all()
+
+
+def test_a_residual_policy_that_corrects_nothing_is_the_teacher():
+    plain, corrected = make_env(count=4, teacher_arm=ArmConfig()), make_env(count=4, form=RESIDUAL_FORM)
+    for _ in range(10):
+        plain.step(plain.teacher_action())
+        corrected.step(np.zeros((4, 22)))
+    assert np.allclose(plain.robot.joint_position, corrected.robot.joint_position, atol=1e-9)
+    largest = ActionScales().correction_limit
+    corrected.step(np.full((4, 22), 50.0))
+    teacher = plain.teacher_action()
+    assert np.allclose(corrected._action, np.clip(teacher + largest, -8.0, 8.0), atol=1e-6)
