@@ -49,6 +49,8 @@ class IoProcess:
         """Raises BackendError when the robot is taken or its network cannot be used."""
         self.config = config
         self._lock = WriterLock(lock_path(config))
+        # Before the network, whose receiving thread inherits it: on a busy machine states would come late without.
+        self._realtime = _request_realtime()
         model = RobotModel()
         robot = Robot(DdsBaseLink(config.base), config.arm, config.limits, config.dry_run, config.echo_tick)
         supervisor = Supervisor(config, robot, model.position_lower, model.position_upper)
@@ -62,7 +64,6 @@ class IoProcess:
         signal.signal(signal.SIGUSR1, self._on_estop)
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, self._on_end)
-        realtime = _request_realtime()
         _lock_memory()
         gc.collect()
         gc.freeze()
@@ -73,7 +74,7 @@ class IoProcess:
             link.wait(last + patience - time.monotonic())
             now = last = time.monotonic()
             # Once states have stopped, its own clock keeps the rate.
-            patience = PATIENCE_S if self.loop.tick(now, realtime) else PERIOD_S
+            patience = PATIENCE_S if self.loop.tick(now, self._realtime) else PERIOD_S
             if self._finished(now):
                 break
         self.loop.robot.close()

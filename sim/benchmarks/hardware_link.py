@@ -9,7 +9,6 @@ this one in the place of the control process. Protocol-verified, not robot-verif
 import multiprocessing
 import os
 import signal
-import socket
 import subprocess
 import sys
 import threading
@@ -33,6 +32,7 @@ from sim.backends.z1.driver import Z1Config
 from sim.benchmarks.hardware_probe import Watch, run
 from sim.benchmarks.report import Report, argument_parser, at_least, at_most
 from sim.emulator.memory_link import MemoryBaseLink, MemoryWire
+from sim.emulator.process import free_udp_port
 
 _TICK_S = 0.002
 _PATIENCE_S = 20.0
@@ -88,7 +88,7 @@ class Stage:
     """Emulator and I/O process, and this control."""
 
     def __init__(self, domain: int) -> None:
-        port = _free_port()
+        port = free_udp_port()
         context = multiprocessing.get_context("spawn")
         self._pipe, theirs = context.Pipe()
         self._process = context.Process(target=run, args=(domain, port, theirs), daemon=True)
@@ -124,12 +124,6 @@ class Stage:
 def _ask(pipe: Connection, order: object) -> object:
     pipe.send(order)
     return pipe.recv()
-
-
-def _free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
 
 
 def _cpu_s(pid: int) -> float:
@@ -233,7 +227,7 @@ def measure_false_trips(report: Report, stage: Stage, seconds: float) -> None:
 
 def measure_lockstep(report: Report, domain: int, steps: int) -> None:
     """Steps per second when the emulator waits for every answer, over the same DDS."""
-    port = _free_port()
+    port = free_udp_port()
     command = [sys.executable, "-m", "sim.emulator", "--lockstep", "--released", "--domain", str(domain)]
     emulator = subprocess.Popen([*command, "--arm-port", str(port)], stdin=subprocess.PIPE, stderr=subprocess.DEVNULL)
     config = HardwareConfig()

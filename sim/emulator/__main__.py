@@ -43,6 +43,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--fault", action="append", default=[], metavar="JSON", help='faults from the start: {"drop": 0.01}')
     options = parser.parse_args(arguments)
     logging.basicConfig(level=logging.INFO, format="%(name)s: %(message)s")
+    if not options.lockstep:
+        _request_realtime()  # before the network, whose threads inherit it
     try:
         link = DdsRobotLink(DdsConfig(options.domain, options.interface, options.allow_robot, options.multicast))
         config = EmulatorConfig(
@@ -63,7 +65,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if options.lockstep:
             emulator.run_lockstep(options.duration)
         else:
-            _request_realtime()
             emulator.run_realtime(options.duration)
     except KeyboardInterrupt:
         _log.info("interrupted")

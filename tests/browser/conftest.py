@@ -18,10 +18,13 @@ from console_page import PATIENCE_S, Api, Client, Server
 from playwright.sync_api import Browser, Page, ViewportSize, sync_playwright
 from tcp_proxy import TcpProxy
 
+from sim.emulator.process import free_udp_port
+
 ROOT = Path(__file__).resolve().parents[2]
 VIEWPORT: ViewportSize = {"width": 1280, "height": 800}
 SMALL: ViewportSize = {"width": 1000, "height": 600}
 HANG_S = 240
+DOMAIN = 100 + os.getpid() % 100
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
 FLAGS = ("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-background-networking")
 
@@ -55,8 +58,15 @@ def browser() -> Iterator[Browser]:
 
 
 @pytest.fixture(scope="session")
-def server(browser: Browser) -> Iterator[Server]:
+def arm_port() -> int:
+    """Where the robot that a console with hardware meets has its arm."""
+    return free_udp_port()
+
+
+@pytest.fixture(scope="session")
+def server(browser: Browser, arm_port: int) -> Iterator[Server]:
     command = [sys.executable, "-m", "server", "--no-browser", "--port", "0"]
+    command += ["--domain", str(DOMAIN), "--arm-port", str(arm_port)]
     environment = os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "PYTHONUNBUFFERED": "1"}
     process = subprocess.Popen(command, cwd=ROOT, env=environment, stdout=subprocess.PIPE, text=True)
     assert process.stdout is not None

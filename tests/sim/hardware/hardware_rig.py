@@ -1,6 +1,5 @@
 """The driver's stack and the emulated robot in one thread, in lockstep, over the same bytes as on the network."""
 
-import socket
 from collections.abc import Callable
 
 from control.robot_model import RobotModel
@@ -17,14 +16,9 @@ from sim.backends.z1.driver import Z1Config
 from sim.emulator.arm_controller import ArmPorts
 from sim.emulator.emulator import Emulator, EmulatorConfig
 from sim.emulator.memory_link import MemoryBaseLink, MemoryRobotLink, MemoryWire
+from sim.emulator.process import free_udp_port
 
 BRISK = MotionConfig(fold_s=0.4, rise_s=1.3, sit_s=1.5, fade_s=0.2, blend_s=0.2)
-
-
-def free_udp_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
 
 
 class Rig:

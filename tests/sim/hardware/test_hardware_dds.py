@@ -9,7 +9,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hardware_rig import free_udp_port
+
+from sim.emulator.process import free_udp_port
 
 pytest.importorskip("cyclonedds", reason="extra 'hardware' is not installed")
 

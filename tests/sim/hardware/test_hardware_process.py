@@ -15,7 +15,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from hardware_rig import BRISK, free_udp_port
+from hardware_rig import BRISK
 
 pytest.importorskip("cyclonedds", reason="extra 'hardware' is not installed")
 
@@ -30,6 +30,7 @@ from sim.backends.unitree.dds import DdsConfig, DdsRobotLink
 from sim.backends.z1.driver import Z1Config
 from sim.emulator.arm_controller import ArmPorts
 from sim.emulator.emulator import Emulator, EmulatorConfig
+from sim.emulator.process import free_udp_port
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[2]

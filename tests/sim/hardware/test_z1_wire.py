@@ -5,7 +5,6 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 import pytest
-from hardware_rig import free_udp_port
 
 from sim.backends.protocol import BackendError
 from sim.backends.z1.driver import Z1Config, Z1Driver
@@ -20,6 +19,7 @@ from sim.backends.z1.frames import (
 )
 from sim.emulator.arm_controller import ArmController, ArmPorts
 from sim.emulator.faults import Faults
+from sim.emulator.process import free_udp_port
 
 # SendCmd: head[2], int32 state, bool track, 7 x {T, W, Pos, K_P, K_W}; RecvState: head[2], int32 state,
 # 7 x {T, W, Acc, Pos, 2 x {int8 temperature, uint8 error, uint8 connected}}, 6 doubles; both pack(1).

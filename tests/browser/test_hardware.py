@@ -1,0 +1,85 @@
+"""The page drives an emulated robot over its wire: picker, confirmations, guidance, e-stop, and back to the simulation."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+from conftest import DOMAIN
+from console_page import PATIENCE_S, Api, Client, eventually, happens
+
+pytest.importorskip("cyclonedds", reason="extra 'hardware' is not installed")
+
+from sim.emulator.process import EmulatorProcess
+
+
+@pytest.fixture
+def robot(arm_port: int, api: Api) -> Iterator[EmulatorProcess]:
+    robot = EmulatorProcess(DOMAIN, arm_port)
+    yield robot
+    if api.state()["backend"] == "hardware":
+        api.call("POST", "estop")
+        api.call("PUT", "backend", {"name": "simulation"})
+    robot.close()
+
+
+def press(client: Client, button: str) -> None:
+    client.viser.get_by_role("button", name=button, exact=True).click()
+
+
+def drives(state: str) -> Any:
+    """Condition that the drives have reached a state."""
+
+    def reached(snapshot: dict[str, Any]) -> bool:
+        return snapshot["drive"] is not None and snapshot["drive"]["state"] == state
+
+    return reached
+
+
+def test_from_the_picker_to_guidance_to_the_estop_and_back(client: Client, api: Api, robot: EmulatorProcess) -> None:
+    client.show_tab("Robot")
+    client.choose("Backend", "hardware")
+    api.until(drives("observe"), "the console listens to the robot")
+    panel = client.viser.locator('[data-forcelens="hardware"]')
+    eventually(lambda: "DRY RUN" in panel.inner_text(), "a dry run is the default and shows")
+    assert "protocol-verified, not robot-verified" in panel.inner_text()
+    eventually(lambda: client.text("backend") == "hardware, dry run: observe", "the status bar says so too")
+    assert client.page.get_by_test_id("reset").is_disabled()
+    client.field("Dry run").click()
+    api.until(lambda state: drives("observe")(state) and not state["drive"]["dry_run"], "commands will be sent")
+
+    for button, state in (("Engage", "damped"), ("Stand up", "ready"), ("Start the controller", "policy")):
+        press(client, button)
+        assert not drives(state)(api.state())  # it asks first
+        press(client, f"Yes: {button.lower()}")
+        reached = happens(lambda state=state: drives(state)(api.state()), PATIENCE_S)
+        assert reached, f"not {state}: {api.call('GET', 'hardware')}"
+    rows = client.viser.locator('[data-forcelens="motors"] tr')
+    eventually(lambda: rows.count() == 23, "the health of 22 motors shows")
+    true_row = client.page.locator('#forces tr[data-force="true"]')
+    assert true_row.inner_text().split() == ["true", "–", "–", "–"]  # a robot has no truth
+
+    client.show_tab("Command")
+    client.field("Guidance").click()
+    api.until(lambda state: state["command"]["guidance"], "guidance is on")
+    start = robot.report()["base_position_m"][0]
+    robot.order(push={"force_n": [12.0, 0.0, 0.0], "duration_s": 3.0, "ramp_s": 0.3})
+    eventually(lambda: robot.report()["base_position_m"][0] - start > 0.2, "the robot follows its hand")
+
+    client.page.get_by_test_id("estop").click()
+    api.until(lambda state: state["mode"] == "estop" and drives("fault")(state), "the button stops the drives")
+    stopped = robot.report()
+    assert stopped["stiffness_max"] == 0.0 and stopped["damping_min"] > 0.0
+    eventually(lambda: robot.report()["frames_obeyed"] > stopped["frames_obeyed"] + 50, "it damps by commands, not by time-out")
+    client.page.get_by_test_id("estop-action").click()
+    client.page.get_by_test_id("estop-action").click()
+    client.show_tab("Robot")
+
+    def cleared() -> bool:
+        if drives("fault")(api.state()):
+            press(client, "Clear the fault")
+        return drives("damped")(api.state())
+
+    eventually(cleared, "at rest the fault can be cleared")
+    client.choose("Backend", "simulation")
+    api.until(lambda state: state["backend"] == "simulation" and state["mode"] == "running", "the simulation runs again")
+    eventually(lambda: client.text("backend") == "simulation, free", "the page shows it")
