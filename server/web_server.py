@@ -19,8 +19,9 @@ from server.websocket_protocol import ShallowWebSocketProtocol
 from web.console import Console
 
 PING_PERIOD_S = 0.5
-PING_TIMEOUT_S = 1.0
-"""A browser that vanished without a word, perhaps while it pulled at the hand, is noticed within the sum of both."""
+PING_TIMEOUT_S = 0.9
+"""A browser that vanished without a word, perhaps while it pulled at the hand, is let go of within 1.5 s: the sum of both and
+of server.websocket_protocol.SECOND_LOOK_S."""
 
 MAX_MESSAGE_BYTES = 64 * 2**20
 

@@ -13,6 +13,7 @@ from websockets.http11 import Request
 SEND_BUFFER_BYTES = 16 * 1024
 READER_PATH = "/api/v1/stream"
 READER_PING_TIMEOUT_S = 60.0
+SECOND_LOOK_S = 0.1
 
 
 class ShallowWebSocketProtocol(WebSocketsSansIOProtocol):
@@ -31,6 +32,10 @@ class ShallowWebSocketProtocol(WebSocketsSansIOProtocol):
         super().handle_connect(event)
 
     def keepalive_timeout(self) -> None:
+        # This loop may itself have been held up, with the answer still unread.
+        self.pong_timer = self.loop.call_later(SECOND_LOOK_S, self._give_up)
+
+    def _give_up(self) -> None:
         super().keepalive_timeout()
         # Closing alone would wait until the vanished peer has taken what is still buffered.
         self.transport.abort()
