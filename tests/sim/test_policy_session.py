@@ -9,7 +9,7 @@ import pytest
 
 from control.command import DEFAULT_COMMAND
 from control.joints import JOINT_COUNT, LEG_SLICE
-from control.observation import EXTENDED_FORM, Observation
+from control.observation import EXTENDED_FORM, RESIDUAL_FORM, Observation
 from control.pipeline import PipelineConfig
 from control.policy_weights import PolicyManifest, interface, save_policy
 from sim.session import Session, SessionConfig
@@ -26,10 +26,10 @@ JOLT_NM = 1.2
 """Torque step of one tick. Without a blend the slew limit lets a leg take 4 N m at once."""
 
 
-def write_policy(directory: Path, weight: np.ndarray, bias: np.ndarray) -> None:
+def write_policy(directory: Path, weight: np.ndarray, bias: np.ndarray, form: str = EXTENDED_FORM) -> None:
     """A policy of one linear layer."""
     layers = (OBSERVATION.size, JOINT_COUNT)
-    manifest = PolicyManifest("policy", EXTENDED_FORM, interface(EXTENDED_FORM), layers, meets_score=True)
+    manifest = PolicyManifest("policy", form, interface(form), layers, meets_score=True)
     save_policy(directory, manifest, {"weight_0": weight, "bias_0": bias})
 
 
@@ -45,6 +45,11 @@ def jump(directory: Path) -> None:
     write_policy(directory, np.zeros((JOINT_COUNT, OBSERVATION.size)), np.linspace(-1.5, 1.5, JOINT_COUNT))
 
 
+def correct(directory: Path) -> None:
+    """A policy that shifts what the model-based controller does by a constant."""
+    write_policy(directory, np.zeros((JOINT_COUNT, OBSERVATION.size)), np.linspace(-0.2, 0.2, JOINT_COUNT), RESIDUAL_FORM)
+
+
 def moving(policies: Path) -> Session:
     session = Session(SessionConfig(seed=3, pipeline=PipelineConfig(policies=policies)))
     torques(session, 500)
@@ -57,7 +62,10 @@ def torques(session: Session, ticks: int) -> np.ndarray:
     return np.array([each.stiffness * each.position + each.damping * each.velocity + each.torque for each in commands])
 
 
-@pytest.mark.parametrize(("write", "names"), [(repeat, ("policy", "model_based")), (jump, ("policy",))])
+@pytest.mark.parametrize(
+    ("write", "names"),
+    [(repeat, ("policy", "model_based")), (correct, ("policy", "model_based", "policy")), (jump, ("policy",))],
+)
 def test_swapping_controllers_in_motion_is_no_jolt(
     tmp_path: Path, write: Callable[[Path], None], names: tuple[str, ...]
 ) -> None:

@@ -6,13 +6,15 @@ import numpy as np
 import pytest
 import viser
 
-from control.observation import EXTENDED_FORM, PAPER_FORM, Observation
+from control.observation import EXTENDED_FORM, PAPER_FORM, RESIDUAL_FORM, Observation
 from sim.snapshot import MAX_OBSERVATION
 from web.policy_panel import SPAN, PolicyPanel, bars_svg, policy_html
 from web.theme import ESTIMATED
 
+FORMS = (PAPER_FORM, EXTENDED_FORM, RESIDUAL_FORM)
 
-@pytest.mark.parametrize("form", [PAPER_FORM, EXTENDED_FORM])
+
+@pytest.mark.parametrize("form", FORMS)
 def test_every_part_of_the_observation_is_shown_with_its_largest_value(snapshot: np.void, form: str) -> None:
     groups = Observation(form).groups
     snapshot["policy_form"] = form
@@ -43,6 +45,6 @@ def test_it_is_hidden_while_no_policy_is_selected(server: viser.ViserServer, sna
     assert not panel.folder.visible
 
 
-@pytest.mark.parametrize("form", [PAPER_FORM, EXTENDED_FORM])
+@pytest.mark.parametrize("form", FORMS)
 def test_every_form_fits_into_the_snapshot(form: str) -> None:
     assert Observation(form).size <= MAX_OBSERVATION
