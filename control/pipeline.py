@@ -41,7 +41,7 @@ class PipelineConfig:
     """
 
     controller: str = "model_based"
-    estimator: str = "adaptive"
+    estimator: str = "hybrid"
     policies: Path | None = WEIGHTS_DIRECTORY
     limits: CommandLimits = field(default_factory=CommandLimits)
     base_state: BaseStateConfig = field(default_factory=BaseStateConfig)

@@ -20,7 +20,7 @@ def parser() -> argparse.ArgumentParser:
     )
     arguments.add_argument("--scene", default="free", help="scene to start in (default free)")
     arguments.add_argument("--controller", default="model_based", help="controller to start with (default model_based)")
-    arguments.add_argument("--estimator", default="adaptive", help="force estimator to start with (default adaptive)")
+    arguments.add_argument("--estimator", default="hybrid", help="force estimator to start with (default hybrid)")
     arguments.add_argument("--seed", type=int, default=0, help="of the sensors' errors (default 0)")
     arguments.add_argument("--no-browser", action="store_true", help="do not open the page")
     robot = arguments.add_argument_group("robot", "what the hardware backend drives once it is chosen in the page or by REST")

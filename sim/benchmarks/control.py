@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from control.pipeline import PipelineConfig
 from sim.benchmarks.control_trials import LeadResult, Tracking, lead, random_run, rest_drift
 from sim.benchmarks.report import Report, Row, argument_parser, at_least, at_most
 
@@ -103,7 +104,7 @@ def main() -> int:
     angles = (0, 90) if arguments.quick else tuple(range(0, 360, 45))
     report.progress(f"random commands for {minutes:g} robot minutes")
     tracking = random_run(arguments.seed, minutes, report.progress)
-    add_random_commands(report, tracking, "adaptive")
+    add_random_commands(report, tracking, PipelineConfig().estimator)
     results = {}
     for angle in angles:
         results[angle] = lead(arguments.seed + angle, float(np.radians(angle)))

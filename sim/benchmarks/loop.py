@@ -25,7 +25,7 @@ from sim.benchmarks.server_process import ServerProcess, watch
 from sim.session import Session, SessionConfig
 from sim.snapshot import SNAPSHOT
 
-ESTIMATOR = "adaptive"
+ESTIMATOR = "hybrid"
 WARM_UP_TICKS = 500
 
 
