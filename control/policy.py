@@ -77,6 +77,15 @@ class PolicyController:
         return np.clip((target - self._nominal) / self._scale, -self._limit, self._limit)
 
 
+def make_policy(directory: Path, name: str, model: RobotModel) -> PolicyController:
+    """The policy `name` of `directory`, whether it met the score or not. `model` is the caller's.
+
+    Raises:
+        PolicyWeightsError: the weights do not fit.
+    """
+    return PolicyController(*load_policy(name, directory), model)
+
+
 def make_policies(directory: Path | None, model: RobotModel) -> dict[str, Controller]:
     """The policies of `directory` that met the score, by name; none without a directory. `model` is the caller's.
 
@@ -85,5 +94,5 @@ def make_policies(directory: Path | None, model: RobotModel) -> dict[str, Contro
     """
     if directory is None:
         return {}
-    policies = (PolicyController(*load_policy(name, directory), model) for name in available_policies(directory))
+    policies = (make_policy(directory, name, model) for name in available_policies(directory))
     return {policy.manifest.name: policy for policy in policies if policy.manifest.meets_score}

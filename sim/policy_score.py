@@ -66,8 +66,8 @@ def score_controller(
         "velocity_mps": rms(np.array(errors.forward)),
         "yaw_rps": rms(np.array(errors.yaw)),
         "position_cm": settled_position_cm(errors),
-        "force_10_n": rms(np.array(errors.force.get(10.0, []))),
-        "force_20_n": rms(np.array(errors.force.get(20.0, []))),
+        "force_10_n": rms(errors.force_at(10.0)),
+        "force_20_n": rms(errors.force_at(20.0)),
         "box_y_n": box.error_y_n,
         "box_z_n": box.error_z_n,
     }

@@ -10,16 +10,15 @@ from typing import Any
 
 import torch
 
-from control.controller import Controller
 from control.joints import JOINT_COUNT
 from control.learning.actor_critic import HIDDEN, ActorCritic
 from control.learning.dagger import DaggerConfig, imitate
+from control.learning.event_log import EventLog
 from control.learning.policy_curves import save_policy_curves
 from control.learning.ppo import Ppo, PpoConfig
 from control.observation import RESIDUAL_FORM, Observation
-from control.policy import PolicyController
-from control.policy_weights import PolicyManifest, interface, load_policy, save_policy
-from control.robot_model import RobotModel
+from control.policy import make_policy
+from control.policy_weights import PolicyManifest, interface, save_policy
 from sim.benchmarks.report import commit
 from sim.policy_score import Score, score_controller
 from sim.training_env import PRIVILEGED_SIZE, TrainingEnv, TrainingEnvConfig
@@ -67,11 +66,6 @@ class RunError(RuntimeError):
     """A run folder belongs to another training."""
 
 
-def load_controller(directory: Path, name: str, model: RobotModel) -> Controller:
-    """The policy `name` of `directory`, whether it has met the score or not."""
-    return PolicyController(*load_policy(name, directory), model)
-
-
 class PolicyTraining:
     """Network, learner, environment and log of one run; continues from the checkpoint in its folder."""
 
@@ -104,6 +98,7 @@ class PolicyTraining:
                 count=config.count, threads=config.threads, seed=config.seed + self.learner.iteration, form=config.form
             )
         )
+        self._events = EventLog(run / "events", self.steps)
         self._reference: Score | None = None
 
     @property
@@ -128,6 +123,18 @@ class PolicyTraining:
             statistics = self.learner.iterate(self.env)
             self.steps += config.count * self.learner.config.horizon
             self.history["ppo"].append({"steps": self.steps, **asdict(statistics)})
+            locomotion, end_effector = statistics.reward
+            self._events.add(
+                self.steps,
+                {
+                    "reward/locomotion": locomotion,
+                    "reward/end_effector": end_effector,
+                    "loss/value": statistics.value_loss,
+                    "policy/kl": statistics.kl,
+                    "policy/std": statistics.std,
+                    "policy/rate": statistics.actor_rate,
+                },
+            )
             if self.learner.iteration % 10 == 0:
                 rate = (self.steps - steps_then) / (time.perf_counter() - started)
                 logger.info(
@@ -175,9 +182,11 @@ class PolicyTraining:
         parameters = {name: tensor.detach().clone() for name, tensor in self.network.state_dict().items()}
         manifest, arrays = self._candidate(parameters)
         save_policy(self.run, manifest, arrays)
-        make = partial(load_controller, self.run, manifest.name)
+        make = partial(make_policy, self.run, manifest.name)
         score = score_controller(manifest.name, make, self.config.score_seed, self.config.score_minutes)
         self.history["score"].append({"steps": self.steps, **asdict(score)})
+        self._events.add(self.steps, {"score/total": score.total, "score/falls": score.falls})
+        self._events.add(self.steps, {f"score/{name}": value for name, value in score.parts.items()})
         parts = _rounded(score.parts)
         logger.info("score %.3f after %.2f M steps: %s, falls %d", score.total, self.steps / 1e6, parts, score.falls)
         if self.best is None or score.total < self.best["score"]["total"]:
@@ -196,6 +205,7 @@ class PolicyTraining:
 
     def _log_imitation(self, step: int, loss: float) -> None:
         self.history["imitation"].append({"steps": step * self.config.count, "loss": loss})
+        self._events.add(step * self.config.count, {"loss/imitation": loss})
         if step % 250 == 0:
             logger.info("imitation step %d/%d: loss %.5f", step, self.config.imitation_steps, loss)
 

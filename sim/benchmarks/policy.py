@@ -1,25 +1,28 @@
 """Policy benchmark: whole-body tracking and force regulation on the full stack, for each controller and force input.
 
-    python -m sim.benchmarks.policy [--quick] [--controllers NAME ...] [--minutes M] [--json PATH] [--plot DIR]
+    python -m sim.benchmarks.policy [--quick] [--controllers NAME ...] [--weights DIR] [--minutes M] [--workers N]
+                                    [--json PATH] [--plot DIR]
 
 Random commands with every mask against virtual springs at +-10, +-20 and +-30 N, with noisy sensors and the real estimators:
-tracking errors, falls, power, overshoot where an axis changes to force control; then pushes at the hand, wrong masses, and
-the force input replaced by truth, zero and other estimators.
+tracking errors, falls, power, overshoot where an axis changes to force control in motion; then pushes at the hand, wrong
+masses, and the force input replaced by truth, zero and other estimators. A case is played in pieces with seeds of their own.
 """
 
 import sys
 import time
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from control.controller import ControllerInput
 from control.momentum_observer import PAPER_GAINS
-from control.pipeline import Pipeline, PipelineConfig
-from sim.benchmarks.policy_trials import ControllerTrial, Errors, TrialSetup, random_commands
+from control.network_weights import WEIGHTS_DIRECTORY
+from sim.benchmarks.estimator import add_workers
+from sim.benchmarks.policy_trials import ControllerTrial, Errors, TrialSetup, controller_setups, random_commands
 from sim.benchmarks.report import Report, Row, argument_parser, at_most
+from sim.executors import map_unordered
 from sim.policy_score import rms, settled_position_cm
 
 AXES = ("x", "y", "z")
@@ -27,11 +30,21 @@ LEVELS_N = (10.0, 20.0, 30.0)
 MASS_SCALES = (0.8, 1.2)
 PUSH_N = 15.0
 INFERENCE_REPEATS = 300
+PIECE_MINUTES = 2.0
 
 
-def cases(name: str, estimators: tuple[str, ...]) -> Iterator[tuple[str, TrialSetup]]:
+@dataclass(frozen=True, slots=True)
+class Piece:
+    """A part of a case, played by one process."""
+
+    case: str
+    setup: TrialSetup
+    seed: int
+    minutes: float
+
+
+def cases(plain: TrialSetup) -> Iterator[tuple[str, TrialSetup]]:
     """What is run with a controller: name of the case, and its setup."""
-    plain = TrialSetup(controller=name)
     yield "random", plain
     yield f"pushes {PUSH_N:g} N", replace(plain, push_n=PUSH_N)
     for scale in MASS_SCALES:
@@ -41,8 +54,25 @@ def cases(name: str, estimators: tuple[str, ...]) -> Iterator[tuple[str, TrialSe
     gains = (PAPER_GAINS.k1, PAPER_GAINS.k2)
     yield "force input gmo_cqp", replace(plain, estimator="gmo_cqp", gains=gains)
     for estimator in ("tcn", "hybrid"):
-        if estimator in estimators:
-            yield f"force input {estimator}", replace(plain, estimator=estimator)
+        yield f"force input {estimator}", replace(plain, estimator=estimator)
+
+
+def pieces(plain: TrialSetup, seed: int, minutes: float, quick: bool) -> list[Piece]:
+    """All cases of a controller, cut up; those without a bar get a tenth of the time."""
+    result = []
+    for case, setup in cases(plain):
+        total = minutes if quick or case == "random" or setup.push_n else 0.1 * minutes
+        count = max(1, round(total / PIECE_MINUTES))
+        # Every case meets the same commands.
+        result += [Piece(case, setup, seed + 100 * index, total / count) for index in range(count)]
+        if quick and setup.push_n:
+            break
+    return result
+
+
+def play(piece: Piece) -> tuple[Piece, Errors]:
+    """Run a piece; importable by an executor's processes."""
+    return piece, random_commands(piece.setup, piece.seed, piece.minutes, LEVELS_N)
 
 
 def summary(case: str, setup: TrialSetup, errors: Errors) -> Row:
@@ -54,32 +84,34 @@ def summary(case: str, setup: TrialSetup, errors: Errors) -> Row:
         "settled_position_cm": settled_position_cm(errors),
         "settled_orientation_deg": float(np.degrees(rms(np.array(errors.orientation)))),
     }
-    row |= {f"rmse_force_{level:g}n_n": rms(np.array(errors.force.get(level, []))) for level in LEVELS_N}
+    row |= {f"rmse_force_{level:g}n_n": rms(errors.force_at(level)) for level in LEVELS_N}
     row |= {
         "rmse_estimate_n": rms(np.array(errors.estimate)),
         "overshoot_median_n": float(np.median(errors.overshoot)) if errors.overshoot else None,
+        "overshoot_p95_n": float(np.percentile(errors.overshoot, 95)) if errors.overshoot else None,
         "power_w": float(np.mean(errors.power)) if errors.power else None,
         "falls": errors.falls,
+        "pushes": errors.pushes,
         "robot_minutes": errors.robot_minutes,
     }
     return row
 
 
 def mask_rows(name: str, errors: Errors) -> list[Row]:
-    """Force error per axis for each mask that was asked for."""
+    """Force error per axis for each mask and level that was asked for."""
     rows: list[Row] = []
-    for mask, samples in sorted(errors.force_by_mask.items()):
+    for (mask, level), samples in sorted(errors.force.items()):
         error = np.array(samples)
         if not error.size or mask == "000":
             continue
-        row: Row = {"case": f"mask {mask}", "controller": name}
+        row: Row = {"case": f"mask {mask} at {level:g} N", "controller": name}
         rows.append(row | {f"rmse_force_{axis}_n": rms(error[:, index]) for index, axis in enumerate(AXES)})
     return rows
 
 
-def inference_ms(name: str) -> float:
+def inference_ms(setup: TrialSetup) -> float:
     """Median time of one controller step at a standing robot, ms."""
-    trial = ControllerTrial(TrialSetup(controller=name), seed=1, settle_s=0.2)
+    trial = ControllerTrial(setup, seed=1, settle_s=0.2)
     pipeline, output = trial.session.pipeline, trial.session.output
     inputs = ControllerInput(
         sensor=trial.session.backend.read(),
@@ -88,7 +120,7 @@ def inference_ms(name: str) -> float:
         command=output.applied_command,
         force_in_heading=output.hand.force_in_heading,
     )
-    controller, times = pipeline.controllers[name], []
+    controller, times = pipeline.controllers[setup.controller], []
     for _ in range(INFERENCE_REPEATS):
         start = time.perf_counter()
         controller.step(inputs)
@@ -96,17 +128,18 @@ def inference_ms(name: str) -> float:
     return 1e3 * float(np.median(times))
 
 
-def add_bars(report: Report, name: str, errors: Errors, pushed: Errors) -> None:
+def add_bars(report: Report, setup: TrialSetup, errors: Errors, pushed: Errors) -> None:
     """The bars of the random run and of the pushes."""
+    name = setup.controller
     report.bars += [
         at_most(f"{name}: velocity RMSE", rms(np.array(errors.forward)), 0.05, "m/s"),
         at_most(f"{name}: yaw rate RMSE", rms(np.array(errors.yaw)), 0.10, "rad/s"),
         at_most(f"{name}: settled position", settled_position_cm(errors), 1.2, "cm"),
-        at_most(f"{name}: force RMSE at 10 N", rms(np.array(errors.force.get(10.0, []))), 1.5, "N"),
-        at_most(f"{name}: force RMSE at 20 N", rms(np.array(errors.force.get(20.0, []))), 2.0, "N"),
+        at_most(f"{name}: force RMSE at 10 N", rms(errors.force_at(10.0)), 1.5, "N"),
+        at_most(f"{name}: force RMSE at 20 N", rms(errors.force_at(20.0)), 2.0, "N"),
         at_most(f"{name}: falls", errors.falls, 0, "1"),
         at_most(f"{name}: falls with pushes", pushed.falls, 1, "1"),
-        at_most(f"{name}: inference", inference_ms(name), 0.5, "ms"),
+        at_most(f"{name}: inference", inference_ms(setup), 0.5, "ms"),
     ]
 
 
@@ -134,23 +167,26 @@ def plot(folder: Path, rows: list[Row]) -> None:
 def main() -> int:
     """Run the benchmark and report."""
     parser = argument_parser("Whole-body tracking and force regulation of every controller on the full stack.")
-    pipeline = Pipeline(PipelineConfig())
-    parser.add_argument("--controllers", nargs="+", default=list(pipeline.controller_names), help="default: all there are")
+    parser.add_argument("--controllers", nargs="+", metavar="NAME", help="default: all there are")
+    parser.add_argument("--weights", type=Path, default=WEIGHTS_DIRECTORY, help="folder of the policies")
     parser.add_argument("--minutes", type=float, default=60.0, help="robot-minutes of random commands; a tenth in other cases")
+    add_workers(parser)
     arguments = parser.parse_args()
+    setups = controller_setups(arguments.weights)
+    unknown = set(arguments.controllers or ()) - set(setups)
+    if unknown:
+        parser.error(f"no controller {', '.join(sorted(unknown))}; there are {', '.join(setups)}")
     report = Report("policy", arguments.seed)
     minutes = 0.1 if arguments.quick else arguments.minutes
-    for name in arguments.controllers:
-        results: dict[str, Errors] = {}
-        for case, setup in cases(name, pipeline.estimator_names):
-            share = 1.0 if case == "random" or setup.push_n or arguments.quick else 0.1
-            results[case] = random_commands(setup, arguments.seed, share * minutes, LEVELS_N)
-            report.rows.append(summary(case, setup, results[case]))
-            report.progress(f"{name}, {case}: {results[case].falls} falls")
-            if arguments.quick and setup.push_n:
-                break
+    for name in arguments.controllers or setups:
+        plan = pieces(setups[name], arguments.seed, minutes, arguments.quick)
+        results = {piece.case: Errors() for piece in plan}
+        for piece, errors in map_unordered("local", play, plan, arguments.workers):
+            results[piece.case].add(errors)
+            report.progress(f"{name}, {piece.case}, seed {piece.seed}: {errors.falls} falls")
+        report.rows += [summary(piece.case, piece.setup, results[piece.case]) for piece in plan if piece.seed == arguments.seed]
         report.rows += mask_rows(name, results["random"])
-        add_bars(report, name, results["random"], results[f"pushes {PUSH_N:g} N"])
+        add_bars(report, setups[name], results["random"], results[f"pushes {PUSH_N:g} N"])
     report.finish(arguments.json)
     if arguments.plot is not None:
         plot(arguments.plot, report.rows)

@@ -5,22 +5,25 @@ The robot runs its real estimators on noisy sensors; for studies the controller'
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
 
 import numpy as np
 
 from control.command import DEFAULT_COMMAND
 from control.controller import Controller, ControllerInput
+from control.force_estimators import LEARNED_NAMES, EstimatorsConfig
 from control.frames import rotation_from_quaternion
 from control.joints import END_EFFECTOR_FRAME
 from control.pipeline import PipelineConfig
+from control.policy import make_policy
+from control.policy_weights import available_policies
 from control.robot_model import RobotModel
 from control.types import Command
 from sim.benchmarks.control_trials import SETTLE_S, SWITCH_S, RandomSegments, Trial
 from sim.scenes.box import CENTER_X_M, TOP_HEIGHT_M
 from sim.session import Session, SessionConfig
 from sim.wrenches import Pulse
-
-MASK_COUNT = 8
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +37,7 @@ class TrialSetup:
         gains: observer gains (K1, K2) of it, or None.
         force_input: "estimate", "truth" or "zero".
         mass_scale: of the simulated robot; the pipeline is not told.
-        push_n: pushes of up to this size on every axis at the hand; 0 for none.
+        push_n: pushes of up to this size on every axis at the hand, one in each segment; 0 for none.
     """
 
     controller: str = "model_based"
@@ -44,6 +47,14 @@ class TrialSetup:
     force_input: str = "estimate"
     mass_scale: float = 1.0
     push_n: float = 0.0
+
+
+def controller_setups(directory: Path) -> dict[str, TrialSetup]:
+    """What there is to try, by name: the model-based controller, and the policies of `directory` whatever they scored."""
+    setups = {"model_based": TrialSetup()}
+    for name in available_policies(directory):
+        setups[name] = TrialSetup(controller=name, make=partial(make_policy, directory, name))
+    return setups
 
 
 class ReplacedForce:
@@ -66,7 +77,9 @@ class ControllerTrial(Trial):
     """A trial of a setup in a scene."""
 
     def __init__(self, setup: TrialSetup, seed: int, scene: str = "free", settle_s: float = 1.0) -> None:
-        config = PipelineConfig(estimator=setup.estimator)
+        # Networks that feed nothing would only take time.
+        estimators = EstimatorsConfig() if setup.estimator in LEARNED_NAMES else EstimatorsConfig(weights=None)
+        config = PipelineConfig(estimator=setup.estimator, estimators=estimators)
         self.session = Session(SessionConfig(scene=scene, seed=seed, pipeline=config))
         pipeline = self.session.pipeline
         if setup.gains is not None:
@@ -94,13 +107,12 @@ class ControllerTrial(Trial):
 class Errors:
     """Errors of a random run, one entry per controller period: NaN where an axis is in the other mode.
 
-    `force[level]` (n, 3) N, `position` (n, 3) m, `orientation` (n,) rad, `forward` (n,) m/s, `yaw` (n,) rad/s, `estimate`
-    (n, 3) N, `power` (n,) W of all drives, `overshoot` N per axis that changed to force control: the largest error beyond
-    the command in its first second.
+    `force[mask, level]` (n, 3) N, `position` (n, 3) m, `orientation` (n,) rad, `forward` (n,) m/s, `yaw` (n,) rad/s,
+    `estimate` (n, 3) N, `power` (n,) W of all drives, `overshoot` N per axis that changed to force control: the largest
+    error beyond the reference in its first second.
     """
 
-    force: dict[float, list[np.ndarray]] = field(default_factory=dict)
-    force_by_mask: dict[str, list[np.ndarray]] = field(default_factory=dict)
+    force: dict[tuple[str, float], list[np.ndarray]] = field(default_factory=dict)
     position: list[np.ndarray] = field(default_factory=list)
     orientation: list[float] = field(default_factory=list)
     forward: list[float] = field(default_factory=list)
@@ -109,7 +121,23 @@ class Errors:
     power: list[float] = field(default_factory=list)
     overshoot: list[float] = field(default_factory=list)
     falls: int = 0
+    pushes: int = 0
     robot_minutes: float = 0.0
+
+    def force_at(self, level_n: float) -> np.ndarray:
+        """(n, 3) N, of all masks at a level."""
+        parts = [errors for (_, level), errors in self.force.items() if level == level_n and errors]
+        return np.concatenate(parts) if parts else np.empty((0, 3))
+
+    def add(self, other: "Errors") -> None:
+        """Take in another run."""
+        for key, errors in other.force.items():
+            self.force.setdefault(key, []).extend(errors)
+        for name in ("position", "orientation", "forward", "yaw", "estimate", "power", "overshoot"):
+            getattr(self, name).extend(getattr(other, name))
+        self.falls += other.falls
+        self.pushes += other.pushes
+        self.robot_minutes += other.robot_minutes
 
 
 def random_commands(setup: TrialSetup, seed: int, minutes: float, levels_n: tuple[float, ...] = (10.0, 20.0)) -> Errors:
@@ -123,6 +151,7 @@ def random_commands(setup: TrialSetup, seed: int, minutes: float, levels_n: tupl
         if setup.push_n > 0.0:
             push = Pulse(random.uniform(-setup.push_n, setup.push_n, 3), duration_s=0.3, ramp_s=0.05)
             trial.session.backend.wrenches.add(push)
+            errors.pushes += 1
         elapsed = _run_segment(trial, segment.command, segment.duration_s, level, last_mask, errors)
         errors.robot_minutes += elapsed / 60.0
         last_mask = segment.command.mask
@@ -139,7 +168,7 @@ def _run_segment(
     trial: ControllerTrial, command: Command, seconds: float, level: float, last_mask: np.ndarray, errors: Errors
 ) -> float:
     on_force = command.mask > 0.5
-    by_mask = errors.force_by_mask.setdefault("".join(str(int(m)) for m in command.mask), [])
+    force = errors.force.setdefault(("".join(str(int(m)) for m in command.mask), level), [])
     target = rotation_from_quaternion(command.orientation_wxyz)
     beyond = np.zeros(3)
     elapsed = 0.0
@@ -150,9 +179,7 @@ def _run_segment(
             applied = truth.end_effector_force - output.applied_command.force_n
             beyond = np.maximum(beyond, np.abs(applied) * on_force * (last_mask < 0.5))
         else:
-            masked = np.where(on_force, error, np.nan)
-            errors.force.setdefault(level, []).append(masked)
-            by_mask.append(masked)
+            force.append(np.where(on_force, error, np.nan))
             errors.estimate.append(output.hand.force_in_heading - truth.end_effector_force)
             forward = truth.base_linear_velocity @ truth.rotation_heading_to_world[:, 0]
             errors.forward.append(float(forward - command.base_velocity[0]))
