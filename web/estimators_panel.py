@@ -66,12 +66,12 @@ class EstimatorsPanel:
         self._history = History(len(names), WINDOW_S, SEND_PERIOD_S / 2.0)
         self._range_n = _RANGES_N[0]
         self._next_send_s = 0.0
-        self.select = gui.add_button_group("Use", names, hint="The estimate of this one feeds the controller.")
+        select = gui.add_button_group("Use", names, hint="The estimate of this one feeds the controller.")
         worker = Worker()
 
-        @self.select.on_click
+        @select.on_click
         async def _(event: viser.GuiEvent) -> None:
-            name = self.select.value
+            name = select.value
             worker.submit(self, lambda: attempt(lambda: sink.select_estimator(name), event.client))
 
         series = [uplot.Series(label="age [s]")]
