@@ -154,7 +154,7 @@ class ControlClient:
         reader.join(5.0)
 
     def restart(self, **changes: Any) -> dict[str, Any]:
-        """End what is left of the control process and start a fresh one.
+        """End what is left of the control process and start a fresh one; returns when there is a snapshot of it.
 
         Args:
             changes: of the last launch, fields of ControlLaunch.
@@ -164,9 +164,18 @@ class ControlClient:
         """
         with self._restart_lock:
             self.close()
+            last = self.snapshot()
+            sequence = None if last is None else last["sequence"]
             self._launch = replace(self._launch, **changes)
             self.start()
-        return self.wait_ready()
+        description = self.wait_ready()
+        deadline = time.monotonic() + CALL_TIMEOUT_S
+        while (newest := self.snapshot()) is None or newest["sequence"] == sequence:
+            self.require_alive()
+            if time.monotonic() > deadline:
+                raise ControlTimeoutError("the control process publishes nothing")
+            time.sleep(0.002)
+        return description
 
     def submit(self, event: str, /, **arguments: Any) -> "Future[Any]":
         """Send an event; the future holds its value, or raises what `call` raises.

@@ -25,6 +25,9 @@ from sim.backends.unitree.dds import INSTALL_HINT
 
 HONESTY = "protocol-verified, not robot-verified"
 _ROOT = Path(__file__).resolve().parents[2]
+CONTROLLED_S = 0.3
+"""A control process that was heard this recently lives."""
+
 _START_S = 20.0
 _FIRST_STATE_S = 5.0
 
@@ -179,24 +182,27 @@ class HardwareBackend:
         return self._memory
 
     def _attach(self) -> bool:
-        """Take over a living I/O process, continuing its request count."""
+        """Take over a living I/O process that nobody controls, continuing its request count.
+
+        One that ends, or is ended here because its `dry_run` is not ours, is waited for: it damps until the robot rests.
+        """
         try:
             memory = IoMemory(memory_path(self.config))
         except BackendError:
             return False
-        newest = memory.state.read()
-        while newest is not None and self._lives(newest[0]) and newest[0]["ending"]:
-            time.sleep(0.05)  # at most until the robot is at rest, or the process gives up on that
-            newest = memory.state.read()
-        if newest is None or not self._lives(newest[0]):
-            return False
-        dry_run, pid = bool(newest[0]["dry_run"]), int(newest[0]["pid"])
-        if dry_run != self.config.dry_run:
-            raise BackendError(f"an I/O process (pid {pid}) runs with dry_run={dry_run}; end it with SIGTERM and open again")
-        self._memory = memory
-        self._command[0]["request_sequence"] = newest[0]["request_sequence"]
-        self._command[0]["sequence"] = time.monotonic_ns()  # never that of the predecessor's last command
-        return True
+        while (newest := memory.state.read()) is not None and self._lives(newest[0]):
+            record = newest[0]
+            if not record["ending"]:
+                if self._clock() - float(record["control_heard_s"]) < CONTROLLED_S:
+                    raise BackendError(f"another control process drives this robot (I/O process {record['pid']}); end it first")
+                if record["dry_run"] == self.config.dry_run:
+                    self._memory = memory
+                    self._command[0]["request_sequence"] = record["request_sequence"]
+                    self._command[0]["sequence"] = time.monotonic_ns()  # never that of the predecessor's last command
+                    return True
+                HardwareRemote(self.config).end()
+            time.sleep(0.05)
+        return False
 
     def _lives(self, record: np.void) -> bool:
         return self._clock() - float(record["time_s"]) < ALIVE_S

@@ -84,7 +84,8 @@ class IoProcess:
     def _finished(self, now: float) -> bool:
         supervisor = self.loop.supervisor
         quiet = supervisor.state in (DriveState.DISCONNECTED, DriveState.OBSERVE)
-        resting = quiet or self.config.dry_run or supervisor.at_rest
+        gone = now - self.loop.robot.base.received_s > self.config.limits.orphan_s
+        resting = quiet or self.config.dry_run or supervisor.at_rest or gone
         if self._end_asked_s is not None:
             return resting or now - self._end_asked_s > END_AFTER_S
         orphaned = now - self.loop.control_heard_s > 1.0

@@ -14,7 +14,7 @@ from pathlib import Path
 from types import FrameType
 
 import pytest
-from console_page import PATIENCE_S, Api, Client, Server
+from console_page import PATIENCE_S, ROBOT_DOMAIN, Api, Client, Server
 from playwright.sync_api import Browser, Page, ViewportSize, sync_playwright
 from tcp_proxy import TcpProxy
 
@@ -24,7 +24,6 @@ ROOT = Path(__file__).resolve().parents[2]
 VIEWPORT: ViewportSize = {"width": 1280, "height": 800}
 SMALL: ViewportSize = {"width": 1000, "height": 600}
 HANG_S = 240
-DOMAIN = 100 + os.getpid() % 100
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
 FLAGS = ("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-background-networking")
 
@@ -66,7 +65,7 @@ def arm_port() -> int:
 @pytest.fixture(scope="session")
 def server(browser: Browser, arm_port: int) -> Iterator[Server]:
     command = [sys.executable, "-m", "server", "--no-browser", "--port", "0"]
-    command += ["--domain", str(DOMAIN), "--arm-port", str(arm_port)]
+    command += ["--domain", str(ROBOT_DOMAIN), "--arm-port", str(arm_port)]
     environment = os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "PYTHONUNBUFFERED": "1"}
     process = subprocess.Popen(command, cwd=ROOT, env=environment, stdout=subprocess.PIPE, text=True)
     assert process.stdout is not None

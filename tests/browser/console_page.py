@@ -1,6 +1,7 @@
 """A console in a process of its own, its REST interface, and pages on it."""
 
 import json
+import os
 import subprocess
 import time
 import urllib.request
@@ -12,6 +13,8 @@ from typing import Any
 from playwright.sync_api import FrameLocator, Locator, Page
 
 PATIENCE_S = 60.0
+ROBOT_DOMAIN = 100 + os.getpid() % 100
+"""DDS domain of the robot that the console meets when it is switched to hardware."""
 
 REST_SCENE = """
 addEventListener("DOMContentLoaded", () => {
@@ -70,7 +73,8 @@ class Server:
 
     def control_pid(self) -> int:
         """Process id of the control process, the server's spawned child."""
-        children = Path(f"/proc/{self.process.pid}/task/{self.process.pid}/children").read_text().split()
+        threads = Path(f"/proc/{self.process.pid}/task").iterdir()  # any of them may have started it
+        children = [pid for thread in threads for pid in (thread / "children").read_text().split()]
         spawned = [int(pid) for pid in children if "spawn_main" in Path(f"/proc/{pid}/cmdline").read_text()]
         assert len(spawned) == 1
         return spawned[0]

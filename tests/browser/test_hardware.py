@@ -4,8 +4,7 @@ from collections.abc import Iterator
 from typing import Any
 
 import pytest
-from conftest import DOMAIN
-from console_page import PATIENCE_S, Api, Client, eventually, happens
+from console_page import PATIENCE_S, ROBOT_DOMAIN, Api, Client, eventually, happens
 
 pytest.importorskip("cyclonedds", reason="extra 'hardware' is not installed")
 
@@ -14,7 +13,7 @@ from sim.emulator.process import EmulatorProcess
 
 @pytest.fixture
 def robot(arm_port: int, api: Api) -> Iterator[EmulatorProcess]:
-    robot = EmulatorProcess(DOMAIN, arm_port)
+    robot = EmulatorProcess(ROBOT_DOMAIN, arm_port)
     yield robot
     if api.state()["backend"] == "hardware":
         api.call("POST", "estop")

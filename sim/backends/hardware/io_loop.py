@@ -113,6 +113,7 @@ class IoLoop:
         record["request_sequence"] = supervisor.request_sequence
         record["refused"] = supervisor.refused
         record["ending"] = self.ending
+        record["control_heard_s"] = self.control_heard_s
         record["base_received_s"] = robot.base.received_s
         record["arm_received_s"] = robot.arm.received_s
         frame = robot.frame

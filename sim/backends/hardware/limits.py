@@ -36,8 +36,9 @@ class HardwareLimits:
         self_test_period_s: 99.9 % of the periods between states must be below.
         self_test_tilt_rad: the robot must lie flatter than this.
         self_test_lost_fraction: packets a motor may lose during the test.
-        rest_velocity_rps, rest_s: legs and wheels slower than this for this long are at rest: a latched fault may be cleared.
-        orphan_s: nobody controls and the robot is at rest: the I/O process ends after this.
+        rest_velocity_rps, rest_s: legs and wheels without stiffness and slower than this for this long are at rest: a latched
+            fault may be cleared, and the I/O process may end.
+        orphan_s: nobody controls and the robot is at rest, or has been silent for as long: the I/O process ends after this.
     """
 
     state_warn_s: float = 0.01

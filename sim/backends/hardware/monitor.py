@@ -66,8 +66,8 @@ class HealthMonitor:
         if readings is None or frame is None:
             self._moved_s = now
             return Health(damp, sit, warn)
-        # NaN is not slow, and a state that has gone old may hide a fall.
-        if damp & Trip.STALE_STATE or not (np.abs(frame.joint_velocity[BASE_SLICE]) < limits.rest_velocity_rps).all():
+        # A robot that stands still falls once it is damped; NaN is not slow; a state that has gone old may hide a fall.
+        if active or damp & Trip.STALE_STATE or not (np.abs(frame.joint_velocity[BASE_SLICE]) < limits.rest_velocity_rps).all():
             self._moved_s = now
         base, arm = readings
         damp |= self._body(now, frame, active)
@@ -87,7 +87,7 @@ class HealthMonitor:
 
     @property
     def at_rest(self) -> bool:
-        """Whether legs and wheels have been slow for `rest_s`; a passive arm may still sink."""
+        """Whether legs and wheels, without stiffness, have been slow for `rest_s`; a passive arm may still sink."""
         return self._checked_s - self._moved_s > self.limits.rest_s
 
     def _foreign(self, now: float, robot: Robot) -> Trip:

@@ -30,6 +30,7 @@ IO_STATE = np.dtype(
         ("engaging", "?"),
         ("progress", "f4"),
         ("dry_run", "?"),
+        ("control_heard_s", "f8"),  # monotonic, newest sign of life of a control process
         ("ending", "?"),  # it was told to end, and damps until the robot is at rest
         ("realtime_scheduling", "?"),
         ("request_sequence", "u8"),  # of the last request that was handled

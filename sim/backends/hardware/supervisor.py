@@ -94,7 +94,7 @@ class Supervisor:
 
     @property
     def at_rest(self) -> bool:
-        """Whether legs and wheels are slow."""
+        """Whether legs and wheels lie still without stiffness."""
         return self._monitor.at_rest
 
     def progress(self, now: float) -> float:

@@ -121,6 +121,15 @@ def test_wheels_carry_no_stiffness_and_bounded_targets(ready: Rig) -> None:
     assert (used_slots(motor["kp"])[LEG_SLICE] > 0).all()
 
 
+def test_standing_still_is_not_rest(ready: Rig) -> None:
+    ready.run(1.0)
+    assert not ready.supervisor.at_rest  # once damped it will fall: whoever waits for rest must go on damping
+    ready.ask(Request.DAMP, seconds=0.3)
+    assert not ready.supervisor.at_rest
+    ready.run(5.0, lambda: ready.supervisor.at_rest)
+    assert ready.supervisor.at_rest and ready.emulator.body.backend.truth().base_position[2] < 0.25
+
+
 def test_a_fault_latches_and_clears_only_at_rest(ready: Rig) -> None:
     ready.operator_silent_s = 5.0
     ready.run(0.01)

@@ -202,5 +202,5 @@ def test_one_writer_only(stage: Stage) -> None:
     )
     assert second.returncode == 3 and f"process {stage.io_pid} already commands this robot" in second.stderr
     assert stage.status() == DriveState.POLICY
-    with pytest.raises(BackendError, match="dry_run=False"):
+    with pytest.raises(BackendError, match=f"another control process drives this robot .I/O process {stage.io_pid}"):
         HardwareBackend(HardwareConfig(base=stage.config.base, arm=stage.config.arm)).open()

@@ -1,0 +1,190 @@
+"""A console as people run it drives an emulated robot over its wire; whoever is killed, the motors end up damped.
+
+Runs in real time, so nothing is asserted about durations; `python -m sim.benchmarks.hardware_link` measures them.
+"""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+
+pytest.importorskip("cyclonedds", reason="extra 'hardware' is not installed")
+
+from sim.emulator.process import EmulatorProcess
+
+ROOT = Path(__file__).resolve().parents[2]
+DOMAIN = 1 + os.getpid() % 90
+PATIENCE_S = 40.0
+
+
+def eventually(condition: Callable[[], Any], what: str) -> None:
+    deadline = time.monotonic() + PATIENCE_S
+    while not condition():
+        assert time.monotonic() < deadline, f"never happened: {what}"
+        time.sleep(0.02)
+
+
+class Console:
+    """`python -m server`, and its REST interface."""
+
+    def __init__(self, *arguments: str) -> None:
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "server", "--no-browser", "--port", "0", *arguments],
+            cwd=ROOT,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        assert self.process.stdout is not None
+        address = next(line.split()[-1] for line in self.process.stdout if line.startswith("Forcelens is at"))
+        self.http = httpx.Client(base_url=f"{address}api/v1/", timeout=60.0)
+
+    def call(self, method: str, path: str, body: dict[str, Any] | None = None) -> Any:
+        response = self.http.request(method, path, json=body)
+        assert response.is_success, response.text
+        return response.json()
+
+    def drives(self) -> str:
+        return self.call("GET", "hardware")["state"]
+
+    def connect(self) -> None:
+        self.call("PUT", "backend", {"name": "hardware", "options": {"dry_run": False}})
+
+    def drive(self, request: str, goal: str) -> None:
+        """Ask, again where a busy machine made a self-test fail, until the drives are there."""
+
+        def asked() -> bool:
+            hardware = self.call("GET", "hardware")
+            if request in hardware["requests"] and not hardware["engaging"]:
+                self.http.post("hardware", json={"request": request})
+            return hardware["state"] == goal
+
+        eventually(asked, f"{request} leads to {goal}")
+
+    def control_pid(self) -> int:
+        threads = Path(f"/proc/{self.process.pid}/task").iterdir()  # any of them may have started it
+        children = [pid for thread in threads for pid in (thread / "children").read_text().split()]
+        return next(int(pid) for pid in children if "spawn_main" in Path(f"/proc/{pid}/cmdline").read_text())
+
+    def close(self) -> None:
+        self.process.kill()
+        self.process.communicate()
+
+
+@pytest.fixture
+def robot() -> Iterator[EmulatorProcess]:
+    robot = EmulatorProcess(DOMAIN)
+    yield robot
+    robot.close()
+
+
+@pytest.fixture
+def start(robot: EmulatorProcess) -> Iterator[Callable[[], Console]]:
+    consoles: list[Console] = []
+
+    def start() -> Console:
+        consoles.append(Console(*robot.arguments))
+        return consoles[-1]
+
+    yield start
+    for console in consoles:
+        console.close()
+
+
+def await_damping(robot: EmulatorProcess) -> None:
+    """Until the robot obeys frames, not its own time-out, that carry damping and no stiffness."""
+
+    def damps() -> bool:
+        before, after = robot.report(), robot.report()
+        fresh = after["frames_obeyed"] > before["frames_obeyed"] or after["time_s"] == before["time_s"]
+        return fresh and after["stiffness_max"] == 0.0 and after["damping_min"] > 0.0
+
+    eventually(damps, "damping on the wire")
+    obeyed = robot.report()["frames_obeyed"]
+    eventually(lambda: robot.report()["frames_obeyed"] > obeyed + 20, "damping goes on")
+
+
+def stiff(robot: EmulatorProcess) -> bool:
+    return robot.report()["stiffness_max"] > 10.0
+
+
+def test_whoever_is_killed_the_robot_is_damped(start: Callable[[], Console], robot: EmulatorProcess) -> None:
+    console = start()
+    console.connect()
+    console.drive("engage", "damped")
+    console.drive("stand", "ready")
+    console.drive("start", "policy")
+    assert stiff(robot)
+
+    refused = console.http.put("backend", json={"name": "simulation"})
+    assert refused.status_code == 409 and "sit or damp it first" in refused.json()["detail"]
+    for method, path, body in (
+        ("POST", "run", {"state": "paused"}),
+        ("POST", "step", {"ticks": 1}),
+        ("POST", "reset", {}),
+        ("PUT", "scene", {"name": "box"}),
+        ("PUT", "mismatch", {"mass_scale": 1.1}),
+        ("POST", "wrenches", {"force_n": [1, 0, 0], "frame": "world", "duration_s": 1.0}),
+        ("POST", "hardware", {"request": "engage"}),
+    ):
+        response = console.http.request(method, path, json=body)
+        assert response.status_code == 409 and response.json()["detail"], path
+    assert console.call("GET", "state")["end_effector"]["force_true_n"] is None
+    assert console.call("GET", "mismatch")["mass_scale_true"] is None
+
+    os.kill(console.control_pid(), signal.SIGKILL)
+    await_damping(robot)
+    eventually(lambda: "CONTROL_PROCESS_DEAD" in console.call("GET", "state")["faults"], "it is noticed")
+    assert console.drives() == "fault"  # read from the I/O process, which lives
+    assert console.call("POST", "estop") == {"latched": True, "mode": "fault"}
+    assert "e-stop" in console.call("GET", "hardware")["faults"]
+    console.call("POST", "control/restart")
+    eventually(lambda: console.call("GET", "state")["mode"] == "estop", "the e-stop outlives the dead process")
+    assert not stiff(robot)
+    forbidden = console.http.post("hardware", json={"request": "clear"})
+    assert forbidden.status_code == 409 and "estop/clear" in forbidden.json()["detail"]
+    console.call("POST", "estop/clear")
+    if console.drives() == "fault":  # it was still sinking
+        console.drive("clear", "damped")
+
+    console.drive("stand", "standing_up")
+    eventually(lambda: stiff(robot), "it stands up")
+    os.kill(console.process.pid, signal.SIGKILL)
+    await_damping(robot)
+
+    console = start()
+    console.connect()  # waits for the I/O process that the dead console has left
+    if console.drives() == "fault":
+        console.drive("clear", "observe")
+    if console.drives() == "observe":
+        console.drive("engage", "damped")
+    console.drive("stand", "standing_up")
+    eventually(lambda: stiff(robot), "it stands up")
+    control = console.control_pid()
+    os.kill(console.process.pid, signal.SIGSTOP)  # so that neither sees the other die
+    os.kill(control, signal.SIGKILL)
+    os.kill(console.process.pid, signal.SIGKILL)
+    await_damping(robot)
+
+
+def test_a_robot_that_does_not_answer_leaves_the_simulation_running(
+    start: Callable[[], Console], robot: EmulatorProcess
+) -> None:
+    robot.order(freeze=True)
+    console = start()
+    refused = console.http.put("backend", json={"name": "hardware"})
+    assert refused.status_code == 409
+    assert "no state from the base" in refused.json()["detail"] and "simulation runs" in refused.json()["detail"]
+    state = console.call("GET", "state")
+    assert state["backend"] == "simulation" and state["drive"] is None
+    robot.order(freeze=False)
+    console.call("PUT", "backend", {"name": "hardware"})
+    assert console.call("GET", "state")["drive"] == {"state": "observe", "faults": [], "dry_run": True}
+    console.process.terminate()
+    assert console.process.wait(PATIENCE_S) == 0
