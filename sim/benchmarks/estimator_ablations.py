@@ -68,9 +68,9 @@ ABLATIONS = (
     replace(ADAPTIVE, name="adaptive: masses adapt, friction does not", adaptation="masses only"),
     replace(ADAPTIVE, name="adaptive: gains 70, 2500, no slope", gains=FAST_GAINS),
     replace(ADAPTIVE, name="adaptive: true velocity", true_velocity=True),
-    replace(ADAPTIVE, name="adaptive: gains 6, 20", gains=PAPER_GAINS),
-    replace(ADAPTIVE, name="adaptive: gains 28, 400", gains=ObserverGains(28.0, 400.0)),
-    replace(ADAPTIVE, name="adaptive: gains 141, 10000", gains=ObserverGains(141.0, 1e4)),
+    replace(ADAPTIVE, name="adaptive: gains 6, 20, no slope", gains=PAPER_GAINS),
+    replace(ADAPTIVE, name="adaptive: gains 28, 400, no slope", gains=ObserverGains(28.0, 400.0)),
+    replace(ADAPTIVE, name="adaptive: gains 141, 10000, no slope", gains=ObserverGains(141.0, 1e4)),
 )
 
 ORIGINALS = {"hybrid": "adaptive", "hybrid_paper": "gmo_cqp"} | {ablation.name: ablation.original for ablation in ABLATIONS}

@@ -49,12 +49,12 @@ def mean_and_deviation(values: Sequence[float]) -> tuple[float, float | None]:
 def lag_only_error(force: np.ndarray, gains: ObserverGains, period_s: float) -> np.ndarray:
     """Error (n, 3) N of an observer that is wrong in nothing but its lag.
 
-    The observer's own transfer function K2 / (s^2 + K1 s + K2) is applied to the true force: what is left after everything
-    else is perfect. On a ramp it settles at -(K1 / K2) times the slope.
+    The observer's own transfer function, K2 / (s^2 + K1 s + K2) without K3, is applied to the true force: what is left after
+    everything else is perfect. On a ramp it settles at -(K1 / K2) times the slope, and at zero with K3.
 
     Args:
         force: (n, 3) N, true, starting at zero.
-        gains: K1 and K2.
+        gains: K1, K2 and K3.
         period_s: between samples.
     """
     observer = MomentumObserver(gains, period_s)
