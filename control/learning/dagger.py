@@ -82,7 +82,7 @@ def imitate(env: VectorEnv, network: ActorCritic, config: DaggerConfig, progress
         loss = torch.zeros(())
         for _ in range(config.updates):
             observations, actions = ring.draw(config.batch)
-            loss = nn.functional.huber_loss(network.mean(observations), actions)
+            loss = nn.functional.huber_loss(network.mean(observations, imitating=True), actions)
             optimizer.zero_grad(set_to_none=True)
             loss.backward()
             optimizer.step()

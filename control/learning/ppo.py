@@ -39,8 +39,8 @@ class PpoConfig:
     trace: float = 0.95
     clip: float = 0.2
     value_clip: float = 0.2
-    actor_rate: float = 5e-5
-    actor_rate_range: tuple[float, float] = (1e-5, 1.5e-3)
+    actor_rate: float = 1e-5
+    actor_rate_range: tuple[float, float] = (1e-6, 1.5e-3)
     critic_rate: float = 1e-3
     target_kl: float = 0.012
     entropy: float = 0.0
@@ -156,7 +156,7 @@ class Ppo:
         return Rollout(*(torch.stack(part).clone() for part in parts))
 
     def update(self, rollout: Rollout) -> PpoStatistics:
-        """Several epochs of minibatches; stops early when the policy has moved far beyond the KL target."""
+        """Several epochs of minibatches; the policy stands still once it has moved far beyond the KL target."""
         config, network = self.config, self.network
         per_head = advantages(rollout, self._discounts, config.trace)
         old_values = rollout.values[:-1].flatten(0, 1)
@@ -166,6 +166,7 @@ class Ppo:
         observations, privileged = rollout.observations.flatten(0, 1), rollout.privileged.flatten(0, 1)
         actions, old_log_probabilities = rollout.actions.flatten(0, 1), rollout.log_probabilities.flatten()
         learn_policy = self.iteration >= config.critic_only
+        near = True
 
         value_losses, policy_losses, divergences, clipped = [], [], [], []
         for _ in range(config.epochs):
@@ -174,20 +175,20 @@ class Ppo:
                 loss = value_loss(values, old_values[batch], returns[batch], config.value_clip).sum()
                 self._descend(self.critic_optimizer, network.critic_parameters(), loss)
                 value_losses.append(loss.item())
-                if not learn_policy:
+                if not (learn_policy and near):
                     continue
                 log_probability = network.log_probability(network.mean(observations[batch]), actions[batch])
                 log_ratio = (log_probability - old_log_probabilities[batch]).clamp(-5.0, 5.0)
+                with torch.no_grad():
+                    ratio = torch.exp(log_ratio)
+                    divergences.append(float((ratio - 1.0 - log_ratio).mean()))
+                    clipped.append(float(((ratio - 1.0).abs() > config.clip).float().mean()))
+                near = self._adapt_rate(divergences[-1])
                 loss = policy_loss(log_ratio, advantage[batch], config.clip)
                 self._descend(self.actor_optimizer, network.actor_parameters(), loss - config.entropy * network.log_std.sum())
                 with torch.no_grad():
                     network.log_std.clamp_(*np.log(config.std_range).tolist())
-                    ratio = torch.exp(log_ratio)
-                    divergences.append(float((ratio - 1.0 - log_ratio).mean()))
-                    clipped.append(float(((ratio - 1.0).abs() > config.clip).float().mean()))
                 policy_losses.append(loss.item())
-            if learn_policy and not self._adapt_rate(float(np.mean(divergences[-config.minibatches :]))):
-                break
         return PpoStatistics(
             reward=tuple(rollout.rewards.mean(dim=(0, 1)).tolist()),
             value_loss=float(np.mean(value_losses)),

@@ -166,3 +166,14 @@ def test_sample_ring_forgets_the_oldest():
     drawn = set(ring.draw(200)[0].flatten().tolist())
     assert ring.count == 4
     assert drawn == {2.0, 3.0, 4.0, 5.0}
+
+
+def test_the_policy_computes_in_float32_where_its_divergence_is_measured():
+    torch.manual_seed(0)
+    rough = ActorCritic(observation=2, privileged=1, actions=2, std=0.1, bfloat16=True, hidden=(32, 32))
+    fine = ActorCritic(observation=2, privileged=1, actions=2, std=0.1, bfloat16=False, hidden=(32, 32))
+    fine.load_state_dict(rough.state_dict())
+    observation = torch.randn(16, 2)
+    assert torch.equal(rough.mean(observation), fine.mean(observation))
+    assert not torch.equal(rough.mean(observation, imitating=True), fine.mean(observation))
+    assert not torch.equal(rough.values(observation, torch.ones(16, 1)), fine.values(observation, torch.ones(16, 1)))
