@@ -246,7 +246,7 @@ class ControlClient:
             record = self._setpoint[0]
             for name, value in fields.items():
                 record[name] = value
-            record["heartbeat_wall_time_s"] = time.time()
+            record["heartbeat_s"] = time.monotonic()
             self._setpoints.write(self._setpoint)
 
     def heartbeat(self) -> None:

@@ -115,7 +115,7 @@ class ControlLoop:
     def _tick(self) -> None:
         setpoint = self._setpoint[0]
         try:
-            self._session.tick_setpoint(setpoint, time.time() - float(setpoint["heartbeat_wall_time_s"]))
+            self._session.tick_setpoint(setpoint, _age_s(setpoint))
         except BackendError as error:
             _log.error("the backend failed: %s", error)
             self._failure = str(error)
@@ -255,3 +255,9 @@ class ControlLoop:
             self._pipe.send(reply)
         except (BrokenPipeError, ConnectionResetError):
             self._closed = True
+
+
+def _age_s(setpoint: np.void) -> float:
+    """Time since the operator's side was last heard. Monotonic: a corrected wall clock must neither stop nor hide anything."""
+    heard_s = float(setpoint["heartbeat_s"])
+    return time.monotonic() - heard_s if heard_s > 0.0 else float("inf")

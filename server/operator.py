@@ -19,18 +19,14 @@ from server.backend_choice import BackendChoice, with_options
 from server.control_client import SLOW_CALL_TIMEOUT_S, ControlClient
 from server.control_process import ControlLaunch
 from server.errors import ControlDeadError, ControlTimeoutError, InvalidFieldError, RefusedError
-from server.schemas import BackendRequest, CommandPatch, DriveRequest, MismatchRequest, RunRequest, StepRequest
+from server.robot_handle import RobotHandle
+from server.schemas import BackendRequest, CommandPatch, MismatchRequest, RunRequest, StepRequest
 from server.validation import validated
 from sim.backends.hardware.config import HardwareConfig
-from sim.backends.hardware.remote import HardwareRemote
-from sim.backends.hardware.states import ACTIVE, DriveState
+from sim.backends.hardware.states import ACTIVE
 from sim.backends.hardware.status import HardwareStatus
 from sim.backends.hardware_backend import unavailable_because
-from sim.backends.protocol import BackendError
-from sim.snapshot import COMMAND, Mode, command_to_record
-
-HANDLED_S = 1.0
-"""The I/O process takes a request within a tick of 2 ms; a machine may be busier."""
+from sim.snapshot import COMMAND, Mode, command_to_record, on_hardware
 
 Choices = dict[str, Any]
 
@@ -60,7 +56,7 @@ class Operator:
         self._client = client
         self._launch = launch
         self._hardware = hardware or HardwareConfig()
-        self.backend = BackendChoice()
+        self.robot = RobotHandle(client)
         self._switching = threading.Lock()
         self._stop_on_start = False
         self._lock = threading.Lock()
@@ -112,7 +108,7 @@ class Operator:
         Raises:
             InvalidFieldError: a target that is not three finite numbers.
         """
-        if target_in_world is not None and self.backend.hardware is not None:
+        if target_in_world is not None and self.robot.choice.hardware is not None:
             raise RefusedError("the ball pulls a simulated hand only; pull the robot's own")
         if target_in_world is None:
             self._client.write_setpoint(drag_active=False)
@@ -158,9 +154,9 @@ class Operator:
             if reason is not None:
                 raise RefusedError(f"backend 'hardware' is not available: {reason}")
         with self._switch():
-            if choice == self.backend and self._client.alive:
+            if choice == self.robot.choice and self._client.alive:
                 return
-            status = self.hardware_status()
+            status = self.robot.status()
             if status is not None and status.state in ACTIVE:
                 raise RefusedError(f"the robot's drives are {status.state.name}; sit or damp it first")
             try:
@@ -173,41 +169,12 @@ class Operator:
                 raise RefusedError(f"backend 'hardware' cannot be used: {reason}. The simulation runs instead") from None
 
     def drive(self, request: str) -> HardwareStatus:
-        """Ask a robot's drives for a change of state, by the name of a Request; answers once it has begun.
-
-        Raises:
-            InvalidFieldError: no such request.
-            RefusedError: the backend is not hardware, or the drives' state forbids it.
-            ControlTimeoutError: the I/O process did not take it.
-        """
-        request = validated(DriveRequest, {"request": request})["request"]
-        self.require_hardware()
-        sequence = self._client.call("drive", request=request)
-        deadline = time.monotonic() + HANDLED_S
-        while (status := self.require_hardware()).request_sequence != sequence:
-            if time.monotonic() > deadline:
-                raise ControlTimeoutError(f"the I/O process did not take {request!r} within {HANDLED_S:g} s")
-            time.sleep(0.005)
-        if status.refused:
-            raise RefusedError(status.message)
-        return status
+        """See RobotHandle."""
+        return self.robot.drive(request)
 
     def hardware_status(self) -> HardwareStatus | None:
-        """What the robot's I/O process reports, also while the control process is dead; None without a robot."""
-        return None if self.backend.hardware is None else HardwareRemote(self.backend.hardware).status()
-
-    def require_hardware(self) -> HardwareStatus:
-        """`hardware_status`.
-
-        Raises:
-            RefusedError: there is none.
-        """
-        status = self.hardware_status()
-        if status is None and self.backend.hardware is None:
-            raise RefusedError("the backend is the simulation; PUT /api/v1/backend with 'hardware' first")
-        if status is None:
-            raise RefusedError("no I/O process runs, so the robot gets no commands; POST /api/v1/control/restart")
-        return status
+        """See RobotHandle."""
+        return self.robot.status()
 
     def set_scene(self, name: str) -> None:
         """Load a scene with the robot at its start and the command at its default."""
@@ -242,19 +209,12 @@ class Operator:
         Raises:
             ControlDeadError, ControlTimeoutError: see ControlClient.submit; the next control process starts stopped.
         """
-        if self.backend.hardware is not None:
-            with contextlib.suppress(BackendError):  # without an I/O process nothing of ours moves the robot
-                HardwareRemote(self.backend.hardware).estop()
+        self.robot.estop()
         try:
             return self._client.submit("estop")
         except ControlDeadError:
-            self._stop_on_start = self.backend.hardware is not None
+            self._stop_on_start = self.robot.choice.hardware is not None
             raise
-
-    def robot_stopped(self) -> bool:
-        """Whether a robot's I/O process reports that it damps in FAULT."""
-        status = self.hardware_status()
-        return status is not None and status.state == DriveState.FAULT
 
     def clear_estop(self) -> dict[str, Any]:
         """Clear the e-stop, with the command at its default; answers `{latched, mode}`."""
@@ -273,13 +233,12 @@ class Operator:
         if self._client.alive and not force:
             raise RefusedError('the control process is alive; send {"force": true} to replace it')
         with self._switch():
-            self._start(self.backend, paused=True)
+            self._start(self.robot.choice, paused=True)
 
     def close(self) -> None:
         """End the control process, and a robot's I/O process even if the control process has died."""
         self._client.close()
-        if self.backend.hardware is not None:
-            HardwareRemote(self.backend.hardware).end()
+        self.robot.end()
 
     @contextlib.contextmanager
     def _switch(self) -> Iterator[None]:
@@ -300,11 +259,11 @@ class Operator:
                 session.pipeline, controller=snapshot["controller"].decode(), estimator=snapshot["estimator"].decode()
             )
             session = replace(session, pipeline=pipeline)
-            if self.backend.hardware is None:
+            if not on_hardware(snapshot):
                 session = replace(session, scene=snapshot["scene"].decode())
         self._hold()
         self.selection = Selection()
-        self.backend = choice
+        self.robot.choice = choice
         self._stop_on_start = False
         self._client.restart(session=session, estopped=estopped, **choice.launch(paused=paused))
         if self._stop_on_start:  # asked for meanwhile

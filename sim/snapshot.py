@@ -101,7 +101,7 @@ SNAPSHOT = np.dtype(
 SETPOINT = np.dtype(
     [
         ("sequence", "u8"),  # counts changes of `command`
-        ("heartbeat_wall_time_s", "f8"),  # refreshed while the web process lives
+        ("heartbeat_s", "f8"),  # time.monotonic() of the web process's last sign of life, 0 before the first
         ("command", COMMAND),
         ("drag_active", "?"),
         ("drag_target_in_world", "f8", 3),

@@ -45,13 +45,13 @@ _STATUS = {
 @router.get("", responses=answers(_STATUS))
 def status(operator: TheOperator) -> Response:
     """Drives, faults, battery, motors and link. `latency_ms` is from a state's arrival to the command on the network."""
-    return json_response(hardware_json(operator.require_hardware()))
+    return json_response(hardware_json(operator.robot.require()))
 
 
 @router.post("", responses=answers(_STATUS))
 def drive(body: DriveRequest, operator: TheOperator) -> Response:
     """Ask the drives for a change of state; answers once it has begun. 409 where the present state forbids it."""
-    return json_response(hardware_json(operator.drive(body.request)))
+    return json_response(hardware_json(operator.robot.drive(body.request)))
 
 
 def hardware_json(status: HardwareStatus) -> dict[str, Any]:

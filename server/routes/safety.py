@@ -24,7 +24,7 @@ async def estop(operator: TheOperator) -> Response:
     except (TimeoutError, ControlDeadError, ControlTimeoutError) as error:
         # A robot's I/O process has been told too, and answers for it.
         for _ in range(ROBOT_ATTEMPTS):
-            if operator.robot_stopped():
+            if operator.robot.stopped():
                 return json_response({"latched": True, "mode": "fault"})
             await asyncio.sleep(0.01)
         if isinstance(error, TimeoutError):

@@ -69,7 +69,7 @@ def put_estimator(body: EstimatorRequest, operator: TheOperator) -> Response:
 
 
 def _backend(operator: Operator) -> dict[str, Any]:
-    backend = operator.backend
+    backend = operator.robot.choice
     return {"name": backend.name, "options": backend.options(), "available": operator.available()["backends"]}
 
 

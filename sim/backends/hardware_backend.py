@@ -54,7 +54,7 @@ class HardwareBackend:
         self.config = config or HardwareConfig()
         self._clock = clock
         self.operator_silent_s = 0.0
-        """Time since the operator's page was last heard; goes out with every write and heartbeat."""
+        """Time since the console's web process was last heard; goes out with every write and heartbeat."""
         self._memory: IoMemory | None = None
         self._process: subprocess.Popen[bytes] | None = None
         self._record: np.void = np.zeros(1, IO_STATE)[0]

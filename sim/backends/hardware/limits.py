@@ -16,7 +16,7 @@ class HardwareLimits:
     | age of the robot's state | state_warn_s | damp at state_damp_s |
     | age of the policy's command | held from command_hold_s | damp at command_damp_s |
     | control process silent while the I/O process itself moves the robot | | damp at control_damp_s |
-    | operator's page silent | (velocity is zero after 0.5 s, control.safety) | damp at operator_damp_s |
+    | console's web process silent | (velocity is zero after 0.5 s, control.safety) | damp at operator_damp_s |
     | tilt of the base | tilt_warn_rad | damp at tilt_damp_rad |
     | motor temperature | temperature_warn_c | sit at temperature_sit_c, damp at temperature_damp_c |
     | battery | battery_warn_percent | refuse below battery_engage_percent, sit at battery_sit_percent |

@@ -92,7 +92,7 @@ TRIP_TEXT: dict[Trip, str] = {
     Trip.STALE_STATE: "no state from the base",
     Trip.STALE_ARM: "no state from the arm",
     Trip.STALE_COMMAND: "the control process is silent",
-    Trip.STALE_OPERATOR: "the operator's page is silent",
+    Trip.STALE_OPERATOR: "the console's web process is silent",
     Trip.TILT: "the base is tilted",
     Trip.NOT_FINITE: "a value is not finite",
     Trip.JOINT_LIMIT: "a joint is beyond its end",

@@ -35,7 +35,7 @@ class ControlInput:
         command: its newest joint command, None before the first.
         command_age_s: age of that command.
         silent_s: time since the control process was last heard at all.
-        operator_silent_s: time since the operator's page was last heard, as the control process reports it.
+        operator_silent_s: time since the console's web process was last heard, as the control process reports it.
         request, request_sequence: newest request; a sequence is acted on once.
         estop: somebody asks for an e-stop.
     """
