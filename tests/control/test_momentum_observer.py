@@ -7,7 +7,7 @@ import pytest
 
 from control.force_estimator import EstimatorInput
 from control.joints import JOINT_COUNT, NOMINAL_POSITION
-from control.momentum_observer import FAST_GAINS, PAPER_GAINS, MomentumObserver, ObserverGains
+from control.momentum_observer import FAST_GAINS, PAPER_GAINS, SLOPE_GAINS, MomentumObserver, ObserverGains
 from control.momentum_residual import MomentumResidual, nominal_friction_torque
 from control.robot_model import RobotModel
 from control.types import BaseState, SensorFrame
@@ -50,9 +50,37 @@ def test_step_response_at_500_hz_stays_close(gains: ObserverGains) -> None:
     assert response[-1] == pytest.approx(1.0, abs=1e-4)
 
 
-@pytest.mark.parametrize("k1, k2", [(1e4, 1e8), (1e6, 1.0), (1.0, 1e9)])
-def test_every_positive_gain_is_stable(k1: float, k2: float) -> None:
-    observer = MomentumObserver(ObserverGains(k1, k2), PERIOD_S)
+def test_with_a_slope_the_step_response_is_that_of_three_equal_poles() -> None:
+    period = 1e-5
+    observer = MomentumObserver(SLOPE_GAINS, period)
+    pole = SLOPE_GAINS.k3 ** (1 / 3)
+    time = np.arange(1, 30_000) * period
+    observer.step(np.zeros(1), np.zeros(1))
+    response = np.array([observer.step(np.array([t]), np.zeros(1))[0] for t in time])
+    x = pole * time
+    np.testing.assert_allclose(response, 1 - np.exp(-x) * (1 + x - x * x), atol=2e-3)
+
+
+@pytest.mark.parametrize(
+    "gains, lag_s", [(PAPER_GAINS, PAPER_GAINS.k1 / PAPER_GAINS.k2), (FAST_GAINS, 0.028), (SLOPE_GAINS, 0.0)]
+)
+def test_a_ramp_is_followed_with_the_lag_of_the_gains(gains: ObserverGains, lag_s: float) -> None:
+    observer = MomentumObserver(gains, PERIOD_S)
+    momentum = np.zeros(1)
+    observer.step(momentum, np.zeros(1))
+    ticks = 4000
+    for tick in range(1, ticks):
+        momentum = momentum + PERIOD_S * 15.0 * tick * PERIOD_S
+        observer.step(momentum, np.zeros(1))
+    error = 15.0 * (ticks - 1) * PERIOD_S - observer.residual[0]
+    assert error == pytest.approx(15.0 * lag_s, abs=0.02)
+
+
+@pytest.mark.parametrize(
+    "k1, k2, k3", [(1e4, 1e8, 0.0), (1e6, 1.0, 0.0), (1.0, 1e9, 0.0), (90.0, 2700.0, 27000.0), (9e3, 2.7e7, 2.7e10)]
+)
+def test_every_stable_gain_is_stable_at_500_hz(k1: float, k2: float, k3: float) -> None:
+    observer = MomentumObserver(ObserverGains(k1, k2, k3), PERIOD_S)
     observer.step(np.zeros(1), np.zeros(1))
     for tick in range(1, 3000):
         observer.step(np.array([min(tick, 5) * PERIOD_S]), np.zeros(1))
@@ -63,6 +91,18 @@ def test_every_positive_gain_is_stable(k1: float, k2: float) -> None:
 def test_gains_that_are_not_positive_are_refused(k1: float, k2: float) -> None:
     with pytest.raises(ValueError, match="observer gain"):
         ObserverGains(k1, k2)
+
+
+@pytest.mark.parametrize("k3", [-1.0, 120.0, float("nan")])
+def test_a_slope_gain_that_is_not_stable_is_refused(k3: float) -> None:
+    with pytest.raises(ValueError, match="k3"):
+        ObserverGains(6.0, 20.0, k3)
+
+
+def test_retuned_gains_keep_their_kind() -> None:
+    assert PAPER_GAINS.retuned(10.0, 50.0) == ObserverGains(10.0, 50.0)
+    slow = SLOPE_GAINS.retuned(30.0, 300.0)
+    assert slow.k3 == pytest.approx(1000.0)
 
 
 def test_a_change_of_gains_does_not_jump() -> None:
@@ -143,6 +183,20 @@ def test_residual_finds_a_known_generalized_force_on_a_moving_robot(friction: bo
     assert np.abs(robot.velocity).max() > 0.5
     keep = np.r_[0:3, 6:28]
     np.testing.assert_allclose(residual.residual[keep], lagged_truth.residual[keep], atol=0.1)
+
+
+def test_the_friction_taken_out_is_what_is_missing_in_the_residual() -> None:
+    robot = FallingRobot(4)
+    with_friction, without = (MomentumResidual(SLOPE_GAINS, PERIOD_S, with_friction=friction) for friction in (True, False))
+    for _ in range(60):
+        robot.advance(np.zeros(28), True)
+        inputs = robot.inputs()
+        with_friction.observe(inputs)
+        without.observe(inputs)
+    difference = with_friction.residual - without.residual
+    assert np.abs(difference).max() > 0.1
+    np.testing.assert_allclose(with_friction.friction_force, difference, atol=1e-9)
+    np.testing.assert_array_equal(without.friction_force, 0.0)
 
 
 def test_observer_starts_at_the_equilibrium_of_rest() -> None:
