@@ -5,7 +5,6 @@ It asks for SCHED_FIFO, ignores the terminal's interrupts (its web process ends 
 
 import gc
 import logging
-import os
 import signal
 import sys
 from collections.abc import Callable
@@ -19,6 +18,7 @@ from server.messages import Fatal, Ready
 from server.pacing import Pacer
 from server.session_events import describe
 from sim.backends.protocol import BackendError
+from sim.realtime import request_realtime
 from sim.session import Session, SessionConfig
 from sim.shared_record import SharedRecord
 from sim.snapshot import SETPOINT, SNAPSHOT
@@ -61,7 +61,7 @@ def control_process(launch: ControlLaunch, state_memory: Any, setpoint_memory: A
             pipe,
             Pacer(TICK_S),
             paused=launch.paused,
-            realtime=request_realtime_scheduling(),
+            realtime=request_realtime(FIFO_PRIORITY),
         )
         gc.collect()
         gc.freeze()
@@ -73,15 +73,3 @@ def control_process(launch: ControlLaunch, state_memory: Any, setpoint_memory: A
     except Exception as error:
         pipe.send(Fatal(f"{type(error).__name__}: {error}"))
         raise
-
-
-def request_realtime_scheduling() -> bool:
-    """Ask for SCHED_FIFO; False where the system has none or does not permit it."""
-    if not hasattr(os, "sched_setscheduler"):
-        return False
-    try:
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(FIFO_PRIORITY))
-    except OSError as error:
-        _log.info("no real-time scheduling (%s); expect missed deadlines on a loaded machine", error.strerror)
-        return False
-    return True

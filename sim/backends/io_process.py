@@ -12,7 +12,6 @@ import argparse
 import ctypes
 import gc
 import logging
-import os
 import signal
 import sys
 import time
@@ -29,6 +28,7 @@ from sim.backends.hardware.supervisor import Supervisor
 from sim.backends.hardware.writer_lock import WriterLock
 from sim.backends.protocol import BackendError
 from sim.backends.unitree.dds import DdsBaseLink
+from sim.realtime import request_realtime
 
 PERIOD_S = 0.002
 PATIENCE_S = 0.0035
@@ -50,7 +50,7 @@ class IoProcess:
         self.config = config
         self._lock = WriterLock(lock_path(config))
         # Before the network, whose receiving thread inherits it: on a busy machine states would come late without.
-        self._realtime = _request_realtime()
+        self._realtime = request_realtime(FIFO_PRIORITY)
         model = RobotModel()
         robot = Robot(DdsBaseLink(config.base), config.arm, config.limits, config.dry_run, config.echo_tick)
         supervisor = Supervisor(config, robot, model.position_lower, model.position_upper)
@@ -104,15 +104,6 @@ class IoProcess:
         self.loop.signalled |= Trip.SIGNAL
         self.loop.ending = True
         self._end_asked_s = time.monotonic()
-
-
-def _request_realtime() -> bool:
-    try:
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(FIFO_PRIORITY))
-    except (OSError, AttributeError) as error:
-        _log.warning("no real-time scheduling (%s): the self-test may refuse to engage under load", error)
-        return False
-    return True
 
 
 def _lock_memory() -> None:

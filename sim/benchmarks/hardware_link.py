@@ -33,8 +33,10 @@ from sim.benchmarks.hardware_probe import Watch, run
 from sim.benchmarks.report import Report, argument_parser, at_least, at_most
 from sim.emulator.memory_link import MemoryBaseLink, MemoryWire
 from sim.emulator.process import free_udp_port
+from sim.realtime import request_realtime
 
 _TICK_S = 0.002
+FIFO_PRIORITY = 20
 _PATIENCE_S = 20.0
 _NEXT = {DriveState.OBSERVE: Request.ENGAGE, DriveState.DAMPED: Request.STAND, DriveState.FAULT: Request.CLEAR}
 
@@ -45,6 +47,7 @@ class Control:
     def __init__(self, config: HardwareConfig) -> None:
         self.backend = HardwareBackend(config)
         self.backend.open()
+        request_realtime(FIFO_PRIORITY)  # as the control process does
         self.silent = False
         self.last_write_s = 0.0
         self._lock = threading.Lock()

@@ -16,6 +16,7 @@ from sim.backends.unitree.messages import LowCommand
 from sim.backends.unitree.motors import used_slots
 from sim.emulator.arm_controller import ArmPorts
 from sim.emulator.emulator import Emulator, EmulatorConfig
+from sim.realtime import request_realtime
 
 FIFO_PRIORITY = 25
 
@@ -108,11 +109,7 @@ class _Probe:
 
 def run(domain: int, arm_port: int, pipe: Connection) -> None:
     """Entry point of the process: answers "clear", "watch" and fault dictionaries until "end"."""
-    try:
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(FIFO_PRIORITY))
-        realtime = True
-    except OSError:
-        realtime = False
+    realtime = request_realtime(FIFO_PRIORITY)
     probe = _Probe(domain, arm_port)
     threading.Thread(target=probe.watch, daemon=True).start()
     threading.Thread(target=probe.emulator.run_realtime, daemon=True).start()

@@ -20,8 +20,10 @@ from sim.emulator.arm_controller import ArmPorts
 from sim.emulator.base_board import DEFAULT_MODE
 from sim.emulator.emulator import Emulator, EmulatorConfig
 from sim.emulator.orders import obey
+from sim.realtime import request_realtime
 
 FIFO_PRIORITY = 25
+"""A robot's board is never late because of another program on this machine."""
 
 _log = logging.getLogger("forcelens.emulator")
 
@@ -44,7 +46,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     logging.basicConfig(level=logging.INFO, format="%(name)s: %(message)s")
     if not options.lockstep:
-        _request_realtime()  # before the network, whose threads inherit it
+        request_realtime(FIFO_PRIORITY)  # before the network, whose threads inherit it
     try:
         link = DdsRobotLink(DdsConfig(options.domain, options.interface, options.allow_robot, options.multicast))
         config = EmulatorConfig(
@@ -75,14 +77,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     counts = (emulator.steps, base.accepted, base.refused, base.bad_commands, emulator.resends)
     _log.info("%d steps; commands: %d obeyed, %d refused, %d unsound; %d states sent again", *counts)
     return 0
-
-
-def _request_realtime() -> None:
-    """A robot's board is never late because of another program on this machine."""
-    try:
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(FIFO_PRIORITY))
-    except (OSError, AttributeError) as error:
-        _log.warning("no real-time scheduling (%s): states will be late under load", error)
 
 
 def _read_orders(emulator: Emulator) -> None:

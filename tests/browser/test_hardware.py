@@ -12,9 +12,11 @@ from sim.emulator.process import EmulatorProcess
 
 
 @pytest.fixture
-def robot(arm_port: int, api: Api) -> Iterator[EmulatorProcess]:
+def robot(arm_port: int, client: Client, api: Api) -> Iterator[EmulatorProcess]:
     robot = EmulatorProcess(ROBOT_DOMAIN, arm_port)
+    client.show_tab("Robot")
     yield robot
+    client.show_tab("Command")  # where the other tests expect this page
     if api.state()["backend"] == "hardware":
         api.call("POST", "estop")
         api.call("PUT", "backend", {"name": "simulation"})
@@ -35,7 +37,6 @@ def drives(state: str) -> Any:
 
 
 def test_from_the_picker_to_guidance_to_the_estop_and_back(client: Client, api: Api, robot: EmulatorProcess) -> None:
-    client.show_tab("Robot")
     client.choose("Backend", "hardware")
     api.until(drives("observe"), "the console listens to the robot")
     panel = client.viser.locator('[data-forcelens="hardware"]')
