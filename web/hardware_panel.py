@@ -20,7 +20,7 @@ PERIOD_S = 0.25
 HOT_C = 65.0
 
 REQUESTS: dict[str, tuple[str, str]] = {
-    "engage": ("Engage", "The robot's own program lies it down and lets go of its motors. Then they are damped."),
+    "engage": ("Engage", "The robot's own program lays it down and lets go of its motors. Then they are damped."),
     "stand": ("Stand up", "The robot stands up and reaches out with its arm."),
     "start": ("Start the controller", "The controller moves the robot. Whoever pulls at its hand leads it."),
     "hold": ("Hold still", ""),
