@@ -1,0 +1,50 @@
+"""What an emulator may be told while it runs."""
+
+import json
+
+import pytest
+from hardware_rig import Rig
+
+from sim.emulator.orders import obey
+
+
+def refuse(_: str) -> None:
+    raise AssertionError("nothing was asked")
+
+
+def test_a_push_acts_on_the_hand_and_ends(ready: Rig) -> None:
+    obey(ready.emulator, json.dumps({"push": {"force_n": [0.0, 0.0, -8.0], "duration_s": 0.1}}), refuse)
+    ready.run(0.05)
+    truth = ready.emulator.body.backend.truth()
+    assert truth.end_effector_force[2] == pytest.approx(-8.0, abs=0.1)
+    ready.run(0.1)
+    assert abs(ready.emulator.body.backend.truth().end_effector_force[2]) < 0.1
+
+
+def test_a_report_says_what_the_motors_were_told(ready: Rig) -> None:
+    answers: list[str] = []
+    obey(ready.emulator, '{"report": true}', answers.append)
+    assert answers == []  # between two steps only
+    ready.tick()
+    report = json.loads(answers[0])
+    assert report["stiffness_max"] > 10.0 and report["damping_min"] > 0.0 and report["base_position_m"][2] > 0.28
+
+
+def test_faults_are_switched_by_name(ready: Rig) -> None:
+    obey(ready.emulator, '{"freeze": true}', refuse)
+    assert ready.emulator.faults.freeze
+
+
+@pytest.mark.parametrize(
+    ("line", "says"),
+    [
+        ("hello", "Expecting value"),
+        ("[1]", "must be a JSON object"),
+        ('{"jump": true}', "no fault 'jump'"),
+        ('{"push": {"force_n": [1, 2]}}', "push"),
+        ('{"push": {"force_n": [1, 2, NaN], "duration_s": 1}}', "force_n"),
+    ],
+)
+def test_what_cannot_be_obeyed_is_named(ready: Rig, line: str, says: str) -> None:
+    with pytest.raises(ValueError, match=says):
+        obey(ready.emulator, line, refuse)
