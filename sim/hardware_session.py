@@ -58,10 +58,7 @@ class HardwareSession(Session):
         self.hardware.operator_silent_s = command_age_s
         state = self.hardware.state
         if state != self._drive_state and state == DriveState.POLICY:
-            latched = self.pipeline.estop_latched
-            self.pipeline.reset()
-            if latched:
-                self.pipeline.estop()
+            self._reset_pipeline()
         self._drive_state = state
         return super().tick(command, command_age_s)
 

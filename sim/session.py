@@ -127,11 +127,14 @@ class Session:
         self.backend.set_scene(name)
         self._restart()
 
-    def _restart(self) -> None:
+    def _reset_pipeline(self) -> None:
         latched = self.pipeline.estop_latched
         self.pipeline.reset()
         if latched:  # only clear_estop clears it
             self.pipeline.estop()
+
+    def _restart(self) -> None:
+        self._reset_pipeline()
         self.time_s = 0.0
         self._output = None
         self._truth = None

@@ -102,11 +102,6 @@ class HardwareBackend:
             )
         return self._frame
 
-    @property
-    def last_frame(self) -> SensorFrame:
-        """The frame of the last `read`."""
-        return self.read() if self._frame is None else self._frame
-
     def write(self, command: JointCommand) -> None:
         """Hand a command to the I/O process, which sends it while its state is POLICY."""
         record, now = self._command[0], self._clock()
@@ -145,11 +140,6 @@ class HardwareBackend:
     def faults(self) -> Trip:
         """Why the drives damp, as of the last `read` or `status`."""
         return Trip(int(self._record["faults"]))
-
-    def handled(self) -> bool:
-        """Whether the I/O process has taken the last request."""
-        self._refresh()
-        return int(self._record["request_sequence"]) == int(self._command[0]["request_sequence"])
 
     def estop(self) -> None:
         """Latch FAULT: damping from the I/O process's next tick on."""

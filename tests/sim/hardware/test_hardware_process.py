@@ -160,11 +160,15 @@ def test_control_killed_then_a_new_one_takes_over(stage: Stage) -> None:
     successor.open()
     assert successor.io_pid == stage.io_pid and successor.status().state == DriveState.FAULT
 
+    asked = successor.request(Request.CLEAR)
+
     def clear() -> bool:
+        nonlocal asked
         successor.heartbeat()
-        if successor.handled() and successor.status().state == DriveState.FAULT:
-            successor.request(Request.CLEAR)
-        return successor.status().state == DriveState.DAMPED
+        status = successor.status()
+        if status.request_sequence == asked and status.state == DriveState.FAULT:
+            asked = successor.request(Request.CLEAR)
+        return status.state == DriveState.DAMPED
 
     wait_for(clear)
     HardwareRemote(stage.config).estop()
