@@ -1,0 +1,81 @@
+"""Throughput of policy training: the environment and the whole PPO loop beside the bare physics batch, in one run.
+
+    python -m sim.benchmarks.training [--quick] [--count N] [--json PATH]
+
+CPU time of one thread, so that other work on the machine counts less; the bars are ratios to bare `mujoco.batch`. Turns of
+the three alternate on the same robots, which a policy of the residual form keeps standing and driving.
+"""
+
+import sys
+import time
+from collections.abc import Callable
+
+import numpy as np
+import torch
+
+from control.joints import JOINT_COUNT
+from control.learning.actor_critic import ActorCritic
+from control.learning.ppo import Ppo, PpoConfig
+from sim.benchmarks.report import Report, Row, argument_parser, at_least
+from sim.policy_training import PolicyTrainingConfig
+from sim.training_env import PRIVILEGED_SIZE, TrainingEnv, TrainingEnvConfig
+from sim.training_robot import SUBSTEPS
+
+
+def measure(count: int, seed: int, turns: int) -> Row:
+    """Environment steps per CPU second: bare physics, and the environment and PPO as shares of it."""
+    torch.manual_seed(seed)
+    torch.set_num_threads(1)
+    defaults = PolicyTrainingConfig()
+    env = TrainingEnv(TrainingEnvConfig(count=count, seed=seed, form=defaults.form))
+    network = ActorCritic(env.observation_size, PRIVILEGED_SIZE, JOINT_COUNT, defaults.residual_std, defaults.bfloat16)
+    learner = Ppo(network, PpoConfig(critic_only=0))
+    horizon = learner.config.horizon
+    nothing = np.zeros((count, JOINT_COUNT))
+
+    def bare() -> None:
+        for _ in range(horizon * SUBSTEPS):
+            env.robot.batch.step(nstep=1)
+
+    def environment() -> None:
+        for _ in range(horizon):
+            env.step(nothing)
+
+    def ppo() -> None:
+        learner.iterate(env)
+
+    runs: dict[str, Callable[[], None]] = {"bare": bare, "environment": environment, "ppo": ppo}
+    seconds = dict.fromkeys(runs, 0.0)
+    for turn in range(turns + 1):
+        for name, run in runs.items():
+            start = time.process_time()
+            run()
+            # The first turn warms up.
+            seconds[name] += (turn > 0) * (time.process_time() - start)
+    rates = {name: turns * horizon * count / spent for name, spent in seconds.items()}
+    return {
+        "count": count,
+        "bare_steps_per_cpu_s": rates["bare"],
+        "environment_share": rates["environment"] / rates["bare"],
+        "ppo_share": rates["ppo"] / rates["bare"],
+    }
+
+
+def main() -> int:
+    """Run the benchmark and report."""
+    parser = argument_parser("Throughput of policy training beside bare physics.")
+    parser.add_argument("--count", type=int, default=512, help="robots in the batch (default 512)")
+    arguments = parser.parse_args()
+    report = Report("training", arguments.seed)
+    row = measure(arguments.count, arguments.seed, 1 if arguments.quick else 5)
+    report.rows.append(row)
+    report.bars += [
+        at_least("environment, share of bare physics", float(row["environment_share"] or 0.0), 0.6, "1"),
+        at_least("whole PPO loop, share of bare physics", float(row["ppo_share"] or 0.0), 0.35, "1"),
+    ]
+    report.finish(arguments.json)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
