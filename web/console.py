@@ -73,14 +73,14 @@ class Console:
         self._gizmo = TargetGizmo(server, sink)
         self._alert = Alert(server)
         tabs = gui.add_tab_group()
-        with tabs.add_tab("Command", viser.Icon.HAND_MOVE):
+        with tabs.add_tab("Command"):
             self._command = CommandPanel(server, sink)
-        with tabs.add_tab("Setup", viser.Icon.ADJUSTMENTS):
+        with tabs.add_tab("Setup"):
             self._setup = SetupPanel(server, sink)
             self._policy = PolicyPanel(gui)
-        with tabs.add_tab("Robot", viser.Icon.ROBOT):
+        with tabs.add_tab("Robot"):
             self._hardware = HardwarePanel(server, sink)
-        ViewPanel(server, sink, tabs.add_tab("View", viser.Icon.EYE), self._camera, self._forces, self._contacts)
+        ViewPanel(server, sink, tabs.add_tab("View"), self._camera, self._forces, self._contacts)
         panel = gui.add_panel()
         with panel.add_tab("Force on the hand", viser.Icon.CHART_LINE):
             self._charts = ForceCharts(gui)
