@@ -9,8 +9,9 @@ from control.gmo_estimators import GmoConstrained, GmoPseudoInverse
 from control.learned_estimators import LearnedEstimator
 from control.momentum_observer import PAPER_GAINS, ObserverGains
 from control.momentum_residual import MomentumResidual
-from control.network_weights import WEIGHTS_DIRECTORY, load_network
+from control.network_weights import load_network
 from control.robot_model import RobotModel
+from control.weights_file import WEIGHTS_DIRECTORY
 from control.wrench_projection import ProjectionWeights
 from control.wrench_qp import ContactConstraints
 

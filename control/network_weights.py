@@ -3,7 +3,6 @@
 A network is used only when its file is the one that the manifest describes and its inputs are what this code computes.
 """
 
-import hashlib
 import json
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -14,9 +13,9 @@ import numpy as np
 from control.force_features import Signals as Signals
 from control.force_features import feature_names, features, relative_columns
 from control.residual_tcn import ResidualTcn, TcnShape
+from control.weights_file import WEIGHTS_DIRECTORY, load_arrays, save_weights, sha256
 
 SCHEMA = 1
-WEIGHTS_DIRECTORY = Path(__file__).resolve().parents[1] / "assets" / "weights"
 
 NORMALIZED_LIMIT = 6.0
 """Features are clipped at this many standard deviations, so that no input lies far from where the network was trained."""
@@ -139,14 +138,7 @@ def scale_output(raw: np.ndarray, manifest: NetworkManifest) -> tuple[np.ndarray
 
 def save_network(directory: Path, manifest: NetworkManifest, arrays: dict[str, np.ndarray]) -> Path:
     """Write NAME.npz and NAME.json into `directory`, with the hash filled in; the manifest's path."""
-    directory.mkdir(parents=True, exist_ok=True)
-    weights = directory / f"{manifest.name}.npz"
-    single = {name: array.astype(np.float32) for name, array in arrays.items()}
-    np.savez_compressed(weights, allow_pickle=False, **single)
-    content = {"schema": SCHEMA, **asdict(manifest), "sha256": _sha256(weights)}
-    path = directory / f"{manifest.name}.json"
-    path.write_text(json.dumps(content, indent=1) + "\n")
-    return path
+    return save_weights(directory, manifest.name, {"schema": SCHEMA, **asdict(manifest)}, arrays)
 
 
 def load_network(name: str, directory: Path = WEIGHTS_DIRECTORY) -> ForceNetwork:
@@ -164,15 +156,14 @@ def load_network(name: str, directory: Path = WEIGHTS_DIRECTORY) -> ForceNetwork
         expected = feature_names(manifest.feature_groups)
     except (KeyError, TypeError, ValueError) as error:
         raise WeightsError(path, f"the manifest cannot be read ({error})") from error
-    if _sha256(weights) != manifest.sha256:
+    if sha256(weights) != manifest.sha256:
         raise WeightsError(weights, f"its sha256 is not {manifest.sha256[:12]}..., which the manifest states")
     if manifest.feature_names != expected:
         different = set(manifest.feature_names) ^ set(expected)
         raise WeightsError(path, f"its features differ from those computed now: {sorted(different)[:6] or 'order'}")
     if manifest.shape.inputs != len(expected):
         raise WeightsError(path, f"shape.inputs is {manifest.shape.inputs}, but there are {len(expected)} features")
-    with np.load(weights) as archive:
-        arrays = {key: archive[key] for key in archive.files}
+    arrays = load_arrays(weights)
     try:
         return ForceNetwork(manifest, arrays)
     except ValueError as error:
@@ -190,7 +181,3 @@ def _read_manifest(content: dict[str, Any]) -> NetworkManifest:
         if content[name] is not None:
             content[name] = tuple(content[name])
     return NetworkManifest(shape=TcnShape(**shape), **content)
-
-
-def _sha256(path: Path) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest()

@@ -20,11 +20,11 @@ from control.force_estimators import EstimatorsConfig, make_estimators
 from control.frames import rotation_heading_to_world
 from control.guidance import Guidance, GuidanceConfig
 from control.model_based import ModelBasedController
-from control.network_weights import WEIGHTS_DIRECTORY
 from control.policy import make_policies
 from control.robot_model import RobotModel
 from control.safety import Fault, SafetyConfig, SafetyGate, SafetyStatus
 from control.types import BaseState, Command, ForceEstimate, JointCommand, SensorFrame
+from control.weights_file import WEIGHTS_DIRECTORY
 
 TICK_S = 0.002
 CONTROL_DECIMATION = round(CONTROL_PERIOD_S / TICK_S)

@@ -4,7 +4,6 @@ A policy runs only when its file is the one that the manifest describes, and joi
 of this code: a network that sees or moves other things than it was trained on is refused.
 """
 
-import hashlib
 import itertools
 import json
 from dataclasses import asdict, dataclass, field
@@ -15,8 +14,8 @@ import numpy as np
 
 from control.controller import CONTROL_PERIOD_S
 from control.joints import DAMPING, JOINT_COUNT, JOINT_NAMES, NOMINAL_POSITION, STIFFNESS
-from control.network_weights import WEIGHTS_DIRECTORY
 from control.observation import ActionScales, Observation, ObservationScales
+from control.weights_file import WEIGHTS_DIRECTORY, load_arrays, save_weights, sha256
 
 SCHEMA = 1
 POLICY_NAMES = ("policy", "policy_paper")
@@ -100,14 +99,7 @@ def interface(form: str) -> dict[str, Any]:
 
 def save_policy(directory: Path, manifest: PolicyManifest, arrays: dict[str, np.ndarray]) -> Path:
     """Write NAME.npz and NAME.json into `directory`, with the hash filled in; the manifest's path."""
-    directory.mkdir(parents=True, exist_ok=True)
-    weights = directory / f"{manifest.name}.npz"
-    single = {name: array.astype(np.float32) for name, array in arrays.items()}
-    np.savez_compressed(weights, allow_pickle=False, **single)
-    content = {"schema": SCHEMA, **asdict(manifest), "sha256": _sha256(weights)}
-    path = directory / f"{manifest.name}.json"
-    path.write_text(json.dumps(content, indent=1) + "\n")
-    return path
+    return save_weights(directory, manifest.name, {"schema": SCHEMA, **asdict(manifest)}, arrays)
 
 
 def load_policy(name: str, directory: Path = WEIGHTS_DIRECTORY) -> tuple[PolicyManifest, Actor]:
@@ -121,10 +113,9 @@ def load_policy(name: str, directory: Path = WEIGHTS_DIRECTORY) -> tuple[PolicyM
         if not needed.is_file():
             raise PolicyWeightsError(needed, "the file is missing")
     manifest = read_manifest(path)
-    if _sha256(weights) != manifest.sha256:
+    if sha256(weights) != manifest.sha256:
         raise PolicyWeightsError(weights, f"its sha256 is not {manifest.sha256[:12]}..., which the manifest states")
-    with np.load(weights) as archive:
-        arrays = {key: archive[key] for key in archive.files}
+    arrays = load_arrays(weights)
     try:
         return manifest, Actor(manifest.layers, arrays)
     except ValueError as error:
@@ -162,7 +153,3 @@ def available_policies(directory: Path = WEIGHTS_DIRECTORY) -> tuple[str, ...]:
 
 def _plain(values: dict[str, Any]) -> dict[str, Any]:
     return {name: list(value) if isinstance(value, tuple) else value for name, value in values.items()}
-
-
-def _sha256(path: Path) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest()

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from control.controller import CONTROL_PERIOD_S
-from control.network_weights import WEIGHTS_DIRECTORY
+from control.weights_file import WEIGHTS_DIRECTORY
 
 SURROGATE_FILE = WEIGHTS_DIRECTORY / "estimator_surrogate.json"
 MOTION_NAMES = ("forward_velocity", "yaw_rate", "forward_acceleration", "yaw_acceleration")

@@ -12,9 +12,9 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
-from control.network_weights import WEIGHTS_DIRECTORY
 from control.observation import EXTENDED_FORM, PAPER_FORM, RESIDUAL_FORM
 from control.policy_weights import PolicyManifest
+from control.weights_file import WEIGHTS_DIRECTORY
 from sim import fit_estimator_surrogate
 from sim.estimator_surrogate import SURROGATE_FILE
 from sim.executors import EXECUTOR_NAMES, map_unordered

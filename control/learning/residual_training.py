@@ -27,8 +27,9 @@ from control.learning.shrinkage import choose_output_noise
 from control.learning.targets import TARGETS, TrainingTarget
 from control.learning.tcn_module import TcnModule
 from control.learning.windows import Normalization, WindowSet, wanted_force
-from control.network_weights import WEIGHTS_DIRECTORY, NetworkManifest, save_network
+from control.network_weights import NetworkManifest, save_network
 from control.residual_tcn import TcnShape
+from control.weights_file import WEIGHTS_DIRECTORY
 
 logger = logging.getLogger("residual_training")
 

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from control.network_weights import WEIGHTS_DIRECTORY
+from control.weights_file import WEIGHTS_DIRECTORY
 from sim.benchmarks.estimator import add_workers
 from sim.benchmarks.policy_trials import DragResult, TrialSetup, controller_setups, drag_box
 from sim.benchmarks.report import Report, Row, argument_parser, at_most

@@ -18,7 +18,7 @@ import numpy as np
 
 from control.controller import ControllerInput
 from control.momentum_observer import PAPER_GAINS
-from control.network_weights import WEIGHTS_DIRECTORY
+from control.weights_file import WEIGHTS_DIRECTORY
 from sim.benchmarks.estimator import add_workers
 from sim.benchmarks.policy_trials import ControllerTrial, Errors, TrialSetup, controller_setups, random_commands
 from sim.benchmarks.report import Report, Row, argument_parser, at_most

@@ -13,7 +13,6 @@ from control.controller import ControllerInput
 from control.joints import DAMPING, NOMINAL_POSITION, STIFFNESS
 from control.learning.actor_critic import HIDDEN, ActorCritic
 from control.model_based import ModelBasedController
-from control.network_weights import WEIGHTS_DIRECTORY
 from control.observation import EXTENDED_FORM, PAPER_FORM, RESIDUAL_FORM, ActionScales, Observation
 from control.policy import PolicyController, make_policies
 from control.policy_weights import (
@@ -27,6 +26,7 @@ from control.policy_weights import (
 )
 from control.robot_model import RobotModel
 from control.types import BaseState, SensorFrame
+from control.weights_file import WEIGHTS_DIRECTORY
 
 
 def random_arrays(layers: tuple[int, ...], seed: int = 0) -> dict[str, np.ndarray]:
