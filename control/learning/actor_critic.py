@@ -1,6 +1,7 @@
 """Policy and value networks: an actor MLP with Gaussian actions, and one critic trunk with a value head per objective."""
 
 import math
+from typing import Any
 
 import torch
 from torch import nn
@@ -10,11 +11,36 @@ VALUE_HEADS = 2
 _LOG_SQRT_TWO_PI = 0.5 * math.log(2.0 * math.pi)
 
 
-def mlp(inputs: int, hidden: tuple[int, ...]) -> nn.Sequential:
+class _RoundedGradient(torch.autograd.Function):
+    """A linear layer whose gradients are computed in bfloat16; its output is not."""
+
+    @staticmethod
+    def forward(ctx: Any, inputs: torch.Tensor, weight: torch.Tensor, bias: torch.Tensor) -> torch.Tensor:
+        ctx.save_for_backward(inputs, weight)
+        return nn.functional.linear(inputs, weight, bias)
+
+    @staticmethod
+    def backward(ctx: Any, *gradients: torch.Tensor) -> tuple[torch.Tensor | None, ...]:
+        inputs, weight = ctx.saved_tensors
+        gradient = gradients[0].bfloat16()
+        of_inputs = gradient @ weight.bfloat16() if ctx.needs_input_grad[0] else None
+        return of_inputs, gradient.t() @ inputs.bfloat16(), gradients[0].sum(dim=0)
+
+
+class RoundedGradientLinear(nn.Linear):
+    """nn.Linear with gradients in bfloat16, which costs half the time of float32."""
+
+    def forward(self, input: torch.Tensor) -> torch.Tensor:
+        """(n, out) of (n, in)."""
+        return _RoundedGradient.apply(input, self.weight, self.bias)
+
+
+def mlp(inputs: int, hidden: tuple[int, ...], linear: type[nn.Linear] = nn.Linear) -> nn.Sequential:
     """Linear and ELU layers; the last hidden size is the output."""
     layers: list[nn.Module] = []
     for size in hidden:
-        layers += [nn.Linear(inputs, size), nn.ELU()]
+        # In place, the gradient of ELU needs its output only, not the exponential once more.
+        layers += [linear(inputs, size), nn.ELU(inplace=True)]
         inputs = size
     return nn.Sequential(*layers)
 
@@ -32,10 +58,12 @@ class ActorCritic(nn.Module):
         hidden: tuple[int, ...] = HIDDEN,
     ) -> None:
         """`std`: initial standard deviation of actions. `bfloat16`: hidden layers of the critic compute in bfloat16, and so
-        do the actor's for imitation. For PPO the actor computes in float32: rounding moves actions by about 0.003, which at
-        an action noise of 0.1 looks like a KL divergence of 0.01, as much as a whole update may have."""
+        do the actor's for imitation. For PPO the actor computes in float32, only its gradients in bfloat16: rounding moves
+        actions by about 0.003, which at an action noise of 0.1 looks like a KL divergence of 0.01, as much as a whole update
+        may have."""
         super().__init__()
-        self.actor_trunk, self.actor_head = mlp(observation, hidden), nn.Linear(hidden[-1], actions)
+        self.actor_trunk = mlp(observation, hidden, RoundedGradientLinear if bfloat16 else nn.Linear)
+        self.actor_head = nn.Linear(hidden[-1], actions)
         self.critic_trunk = mlp(observation + privileged, hidden)
         self.critic_heads = nn.Linear(hidden[-1], VALUE_HEADS)
         self.log_std = nn.Parameter(torch.full((actions,), math.log(std)))

@@ -131,29 +131,38 @@ class Ppo:
     def collect(self, env: VectorEnv) -> Rollout:
         """Act for `horizon` steps."""
         network, horizon = self.network, self.config.horizon
-        observations, privileged, actions, log_probabilities, values, rewards, dones = ([] for _ in range(7))
-        with torch.inference_mode():
+        observations, privileged, actions, log_probabilities, rewards, dones, ended = ([] for _ in range(7))
+        with torch.no_grad():
             for _ in range(horizon):
-                observation, truth = torch.from_numpy(env.observation), torch.from_numpy(env.privileged)
+                observation = torch.from_numpy(env.observation)
+                observations.append(observation)
+                privileged.append(torch.from_numpy(env.privileged))
                 mean = network.mean(observation)
                 action = network.sample(mean)
                 outcome = env.step(action.numpy())
-                reward = torch.from_numpy(outcome.reward.astype(np.float32))
-                if len(outcome.ended):
-                    # Time was up, but the task would go on: what follows is worth the last state's value.
-                    last = torch.from_numpy(outcome.last_observation), torch.from_numpy(outcome.last_privileged)
-                    reward[outcome.ended] += self._discounts * network.values(*last)
-                observations.append(observation)
-                privileged.append(truth)
                 actions.append(action)
                 log_probabilities.append(network.log_probability(mean, action))
-                values.append(network.values(observation, truth))
-                rewards.append(reward)
+                rewards.append(torch.from_numpy(outcome.reward.astype(np.float32)))
                 dones.append(torch.from_numpy(outcome.done.astype(np.float32)))
-            values.append(network.values(torch.from_numpy(env.observation), torch.from_numpy(env.privileged)))
-        parts = (observations, privileged, actions, log_probabilities, values, rewards, dones)
-        # clone: tensors made in inference mode take no part in training.
-        return Rollout(*(torch.stack(part).clone() for part in parts))
+                ended.append((outcome.ended, outcome.last_observation, outcome.last_privileged))
+            observations.append(torch.from_numpy(env.observation))
+            privileged.append(torch.from_numpy(env.privileged))
+            # Values take no part in acting, so one pass over the whole rollout yields them.
+            observed, truth = torch.stack(observations), torch.stack(privileged)
+            values = network.values(observed.flatten(0, 1), truth.flatten(0, 1)).unflatten(0, observed.shape[:2])
+            for reward, (robots, *last) in zip(rewards, ended, strict=True):
+                if len(robots):
+                    # Time was up, but the task would go on: what follows is worth the last state's value.
+                    reward[robots] += self._discounts * network.values(*map(torch.from_numpy, last))
+        return Rollout(
+            observations=observed[:-1],
+            privileged=truth[:-1],
+            actions=torch.stack(actions),
+            log_probabilities=torch.stack(log_probabilities),
+            values=values,
+            rewards=torch.stack(rewards),
+            dones=torch.stack(dones),
+        )
 
     def update(self, rollout: Rollout) -> PpoStatistics:
         """Several epochs of minibatches; the policy stands still once it has moved far beyond the KL target."""
@@ -171,13 +180,14 @@ class Ppo:
         value_losses, policy_losses, divergences, clipped = [], [], [], []
         for _ in range(config.epochs):
             for batch in torch.randperm(len(returns)).chunk(config.minibatches):
-                values = network.values(observations[batch], privileged[batch])
+                observed = observations[batch]
+                values = network.values(observed, privileged[batch])
                 loss = value_loss(values, old_values[batch], returns[batch], config.value_clip).sum()
                 self._descend(self.critic_optimizer, network.critic_parameters(), loss)
                 value_losses.append(loss.item())
                 if not (learn_policy and near):
                     continue
-                log_probability = network.log_probability(network.mean(observations[batch]), actions[batch])
+                log_probability = network.log_probability(network.mean(observed), actions[batch])
                 log_ratio = (log_probability - old_log_probabilities[batch]).clamp(-5.0, 5.0)
                 with torch.no_grad():
                     ratio = torch.exp(log_ratio)

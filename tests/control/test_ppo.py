@@ -177,3 +177,40 @@ def test_the_policy_computes_in_float32_where_its_divergence_is_measured():
     assert torch.equal(rough.mean(observation), fine.mean(observation))
     assert not torch.equal(rough.mean(observation, imitating=True), fine.mean(observation))
     assert not torch.equal(rough.values(observation, torch.ones(16, 1)), fine.values(observation, torch.ones(16, 1)))
+
+
+def test_gradients_of_the_actor_are_those_of_float32_up_to_rounding():
+    torch.manual_seed(0)
+    rough = ActorCritic(observation=8, privileged=1, actions=2, std=0.1, bfloat16=True, hidden=(64, 32))
+    fine = ActorCritic(observation=8, privileged=1, actions=2, std=0.1, bfloat16=False, hidden=(64, 32))
+    fine.load_state_dict(rough.state_dict())
+    observation, wanted = torch.randn(256, 8), torch.randn(256, 2)
+    for net in (rough, fine):
+        ((net.mean(observation) - wanted) ** 2).mean().backward()
+    for mine, exact in zip(rough.actor_trunk.parameters(), fine.actor_trunk.parameters(), strict=True):
+        assert mine.grad is not None
+        assert exact.grad is not None
+        assert (mine.grad - exact.grad).norm() < 0.01 * exact.grad.norm()
+
+
+class Ageing:
+    """One robot; every step pays nothing and ends an episode because its time is up."""
+
+    observation, privileged = np.ones((1, 2), np.float32), np.ones((1, 1), np.float32)
+
+    def teacher_action(self) -> np.ndarray:
+        raise NotImplementedError
+
+    def step(self, action: np.ndarray):
+        outcome = _Outcome(np.zeros((1, 2)))
+        outcome.ended, outcome.last_observation, outcome.last_privileged = np.array([0]), self.observation, self.privileged
+        return outcome
+
+
+def test_what_follows_the_end_of_time_is_worth_the_last_state():
+    net, config = network(), PpoConfig(horizon=3)
+    data = Ppo(net, config).collect(Ageing())
+    with torch.no_grad():
+        value = net.values(torch.ones(1, 2), torch.ones(1, 1))
+    assert torch.allclose(data.values, value.expand(4, 1, 2), atol=1e-6)
+    assert torch.allclose(data.rewards, (torch.tensor(config.discounts) * value).expand(3, 1, 2), atol=1e-6)
