@@ -79,10 +79,10 @@ class ArmController:
         while True:
             try:
                 data, _ = self._socket.recvfrom(4096)
-            except BlockingIOError:
-                return
             except ConnectionRefusedError:  # nobody read our last state; that is the client's business
                 continue
+            except OSError:  # nothing more has arrived, or the network is gone
+                return
             arrived = None if self._faults.freeze else self._incoming.corrupt(data)
             if arrived is None:
                 continue
@@ -133,7 +133,7 @@ class ArmController:
         for datagram in self._outgoing.delayed(message, self._body.time_s):
             try:
                 self._socket.sendto(datagram, self._client)
-            except (BlockingIOError, ConnectionRefusedError):  # no client yet
+            except OSError:  # no client yet, or no network
                 return
 
     def close(self) -> None:

@@ -32,7 +32,7 @@ class HardwareConfig:
     echo_tick: bool = False
 
     def __post_init__(self) -> None:
-        if not self.arm.host.startswith("127.") and not self.base.allow_robot:
+        if not self.arm.is_loopback and not self.base.allow_robot:
             raise RobotNetworkError(f"the arm at {self.arm.host!r} may be real; say so explicitly (allow_robot, --allow-robot)")
 
     def to_json(self) -> str:

@@ -1,8 +1,10 @@
 """One tick of the I/O process, without its clock and its process: poll, decide, send, report."""
 
+import logging
 import os
 import time
 from collections.abc import Callable
+from contextlib import suppress
 
 import numpy as np
 
@@ -16,6 +18,8 @@ from sim.backends.hardware.supervisor import ControlInput, Supervisor
 _WORST_WINDOW_S = 1.0
 HEALTH_EVERY = 10
 """Ticks between two reports of what only people read."""
+
+_log = logging.getLogger("forcelens.io")
 
 
 class IoLoop:
@@ -59,13 +63,25 @@ class IoLoop:
         self._window_s = -np.inf
 
     def tick(self, now: float, realtime: bool = False) -> bool:
-        """One tick at monotonic time `now`; True when the base had a new state."""
+        """One tick at monotonic time `now`; True when the base had a new state.
+
+        Whatever goes wrong in it, the robot is damped: there is nobody else to do it.
+        """
         start = self._clock()
-        fresh = self.robot.poll(now)
-        control = self._control(now)
-        self.supervisor.step(now, fresh, control)
+        fresh = False
+        try:
+            fresh = self.robot.poll(now)
+            self.supervisor.step(now, fresh, self._control(now))
+        except Exception:
+            self._fail()
         self._report(now, realtime, self._clock() - start)
         return fresh
+
+    def _fail(self) -> None:
+        if Trip.INTERNAL not in self.supervisor.faults:
+            _log.exception("a tick has failed")
+        with suppress(Exception):  # the next tick tries again
+            self.supervisor.fail()
 
     def _control(self, now: float) -> ControlInput:
         estop = self.signalled

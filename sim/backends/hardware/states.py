@@ -80,12 +80,11 @@ class Trip(IntFlag):
     ESTOP = 1 << 14
     REMOTE_STOP = 1 << 15
     SIGNAL = 1 << 16
-    SELF_TEST = 1 << 17
-    RELEASE = 1 << 18
+    INTERNAL = 1 << 17
+    RESTARTED = 1 << 18
     STAND_UP = 1 << 19
     STUCK_ENCODER = 1 << 20
-    LINK = 1 << 21
-    TORQUE_CLIPPED = 1 << 22
+    TORQUE_CLIPPED = 1 << 21
 
 
 TRIP_TEXT: dict[Trip, str] = {
@@ -106,11 +105,10 @@ TRIP_TEXT: dict[Trip, str] = {
     Trip.ESTOP: "e-stop",
     Trip.REMOTE_STOP: "L2 and B on the remote control",
     Trip.SIGNAL: "the I/O process was told to end",
-    Trip.SELF_TEST: "the self-test failed",
-    Trip.RELEASE: "the robot's motion program was not released",
+    Trip.INTERNAL: "the I/O process met an error of its own; its log names it",
+    Trip.RESTARTED: "the robot has restarted and its own program owns the motors; engage it anew",
     Trip.STAND_UP: "the stance was not reached",
     Trip.STUCK_ENCODER: "an encoder does not move with its motor",
-    Trip.LINK: "the network failed",
     Trip.TORQUE_CLIPPED: "predicted torque was clipped",
 }
 

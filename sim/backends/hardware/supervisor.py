@@ -75,6 +75,7 @@ class Supervisor:
         self._limiter = CommandLimiter(config.limits, position_lower, position_upper)
         self._postures = Postures(config.motion)
         self._owns_motors = False
+        self._restarts = 0
         self._arm_entered = False
         self._release: ModeRelease | None = None
         self._test: SelfTest | None = None
@@ -113,8 +114,11 @@ class Supervisor:
         """One tick after `Robot.poll`; `fresh` is what it returned."""
         health = self._monitor.check(now, self._robot, self.state in ACTIVE)
         self._connect(now, health)
+        self._disown_restarted()
         damp = self._reasons_to_damp(health, control)
         self.warnings = health.warn | health.sit
+        if self.state == DriveState.POLICY and control.command_age_s > self.config.limits.command_hold_s:
+            self.warnings |= Trip.STALE_COMMAND
         if damp and (self.state not in (DriveState.DISCONNECTED, DriveState.OBSERVE, DriveState.FAULT)):
             self._fault(damp)
         elif self.state == DriveState.FAULT:
@@ -127,6 +131,21 @@ class Supervisor:
         self._handle(now, control)
         self._engage(now, fresh, health)
         self._act(now, control)
+
+    def fail(self) -> None:
+        """Latch FAULT and damp without looking at anything: a tick has gone wrong."""
+        self._fault(Trip.INTERNAL)
+        self.sent = None
+        if self._owns_motors:
+            self._robot.damp()
+
+    def _disown_restarted(self) -> None:
+        """A robot that was switched off and on has its own program commanding the motors again: nothing more is sent."""
+        restarts = self._robot.base.restarts
+        if restarts != self._restarts and self._owns_motors:
+            self._owns_motors = False
+            self._fault(Trip.RESTARTED)
+        self._restarts = restarts
 
     def _connect(self, now: float, health: Health) -> None:
         """DISCONNECTED and OBSERVE follow whether states arrive."""

@@ -9,6 +9,10 @@ from sim.backends.unitree.link import BaseLink
 from sim.backends.unitree.messages import LowCommand, LowState, WireError
 
 STATE_PERIOD_MS = 2
+RESTART_S = 1.0
+"""A clock that has gone back after a silence this long is that of a robot that was switched off and on."""
+
+_TICK_RANGE = 1 << 32
 _REMOTE_STOP = 0x0220
 """Buttons L2 (bit 5) and B (bit 9) of the remote control, the vendor's own combination for damping."""
 
@@ -47,7 +51,7 @@ class BaseReading:
 
 
 class BaseDriver:
-    """Counts states, gaps and unsound samples; encodes commands in place.
+    """Counts states, gaps, unsound samples and restarts of the robot; encodes commands in place.
 
     Args:
         link: the network.
@@ -64,7 +68,9 @@ class BaseDriver:
         self.received = 0
         self.bad_samples = 0
         self.missed = 0
+        self.restarts = 0
         self.sent = 0
+        self._last_tick: int | None = None
 
     def poll(self, now: float) -> bool:
         """Take in what has arrived; True when there is a new state. `now` is monotonic seconds."""
@@ -75,11 +81,7 @@ class BaseDriver:
             except WireError:
                 self.bad_samples += 1
                 continue
-            tick = int(message.record["tick"])
-            if newest is not None or self.reading is not None:
-                last = int(newest.record["tick"]) if newest is not None else self._last_tick
-                self.missed += max(0, (tick - last) // STATE_PERIOD_MS - 1)
-            self._last_tick = tick
+            self._count(int(message.record["tick"]), now)
             self.received += 1
             newest = message
         if newest is None:
@@ -87,6 +89,15 @@ class BaseDriver:
         self.received_s = now
         self.reading = _reading(newest)
         return True
+
+    def _count(self, tick: int, now: float) -> None:
+        if self._last_tick is not None:
+            ahead = (tick - self._last_tick) % _TICK_RANGE
+            if ahead < _TICK_RANGE // 2:
+                self.missed += max(0, ahead // STATE_PERIOD_MS - 1)
+            elif now - self.received_s > RESTART_S:
+                self.restarts += 1
+        self._last_tick = tick
 
     def write(
         self, position: np.ndarray, velocity: np.ndarray, stiffness: np.ndarray, damping: np.ndarray, torque: np.ndarray

@@ -6,6 +6,7 @@ the pose measured at the switch, and stiffness rises from zero.
 
 import socket
 from dataclasses import dataclass
+from ipaddress import IPv4Address
 
 import numpy as np
 
@@ -29,7 +30,8 @@ class Z1Config:
     """Where `z1_ctrl` is and how gently it is taken over.
 
     Attributes:
-        host: of z1_ctrl. Anything but loopback needs `allow_robot` in HardwareConfig.
+        host: IPv4 address of z1_ctrl; a name would be looked up in every tick. Anything but loopback needs `allow_robot` in
+            HardwareConfig.
         command_port: it listens here.
         state_port: it answers here.
         gain_ramp_s: stiffness and feed-forward torque rise over this time after the switch to low-level commands.
@@ -39,6 +41,17 @@ class Z1Config:
     command_port: int = 8071
     state_port: int = 8072
     gain_ramp_s: float = 1.0
+
+    def __post_init__(self) -> None:
+        try:
+            IPv4Address(self.host)
+        except ValueError:
+            raise ValueError(f"arm host is {self.host!r}; it must be an IPv4 address, such as 127.0.0.1") from None
+
+    @property
+    def is_loopback(self) -> bool:
+        """Whether the address can be on this machine only."""
+        return IPv4Address(self.host).is_loopback
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +75,7 @@ class Z1Driver:
         self.config = config
         self._peer = (config.host, config.command_port)
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        bind_to = "127.0.0.1" if config.host.startswith("127.") else ""
+        bind_to = "127.0.0.1" if config.is_loopback else ""
         try:
             self._socket.bind((bind_to, config.state_port))
         except OSError as error:
@@ -85,10 +98,10 @@ class Z1Driver:
         while True:
             try:
                 data, sender = self._socket.recvfrom(_MAX_DATAGRAM)
-            except BlockingIOError:
-                return fresh
             except ConnectionRefusedError:  # a datagram of ours found nobody: the state simply grows old
                 continue
+            except OSError:  # nothing more has arrived, or the network is gone
+                return fresh
             if sender[0] != self._peer[0]:
                 continue
             try:
@@ -155,7 +168,7 @@ class Z1Driver:
     def _send(self) -> None:
         try:
             self._socket.sendto(self._frame.tobytes(), self._peer)
-        except (BlockingIOError, ConnectionRefusedError):  # nobody listens: the state grows old and the watchdog acts
+        except OSError:  # nobody listens or the network is gone: the state grows old, the watchdog acts, the base is damped
             return
 
 

@@ -22,13 +22,14 @@ BRISK = MotionConfig(fold_s=0.4, rise_s=1.3, sit_s=1.5, fade_s=0.2, blend_s=0.2)
 
 
 class Rig:
-    """Emulator, drivers and supervisor, with a short self-test and brisk motions. Time is the emulator's."""
+    """Emulator, drivers and supervisor, with a short self-test and brisk motions. Time is the emulator's, while it lives."""
 
     def __init__(self, *, dry_run: bool = False, mode: str = "", seed: int = 0) -> None:
         self.wire = MemoryWire()
-        ports = ArmPorts(free_udp_port(), free_udp_port())
-        self.emulator = Emulator(EmulatorConfig(mode=mode, arm=ports, seed=seed), MemoryRobotLink(self.wire))
-        arm = Z1Config("127.0.0.1", ports.command_port, ports.state_port, gain_ramp_s=0.3)
+        self._ports = ArmPorts(free_udp_port(), free_udp_port())
+        self._start_s = 100.0
+        self.switch_on(mode, seed)
+        arm = Z1Config("127.0.0.1", self._ports.command_port, self._ports.state_port, gain_ramp_s=0.3)
         limits = HardwareLimits(self_test_s=0.2, release_timeout_s=5.0)
         self.config = HardwareConfig(arm=arm, limits=limits, motion=BRISK, dry_run=dry_run)
         self.robot = Robot(MemoryBaseLink(self.wire), self.config.arm, self.config.limits, dry_run)
@@ -41,16 +42,29 @@ class Rig:
         self.request = Request.NONE
         self.sequence = 0
 
+    def switch_on(self, mode: str, seed: int = 0) -> None:
+        config = EmulatorConfig(mode=mode, arm=self._ports, seed=seed)
+        self.emulator = Emulator(config, MemoryRobotLink(self.wire))
+
+    def restart(self, mode: str) -> None:
+        """Switch a killed robot on again; its clock starts at zero."""
+        self._start_s = self.now
+        self.emulator.close()
+        self.switch_on(mode)
+
     @property
     def now(self) -> float:
-        return 100.0 + self.emulator.body.time_s
+        return self._start_s + self.emulator.body.time_s
 
     @property
     def state(self) -> DriveState:
         return self.supervisor.state
 
     def tick(self) -> None:
-        self.emulator.step()
+        if self.emulator.faults.kill:
+            self._start_s += 0.002
+        else:
+            self.emulator.step()
         fresh = self.robot.poll(self.now)
         control = ControlInput(
             self.command, self.command_age_s, self.silent_s, self.operator_silent_s, self.request, self.sequence

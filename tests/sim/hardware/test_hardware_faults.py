@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,8 @@ from hardware_rig import Rig
 
 from control.joints import JOINT_NAMES, TORQUE_LIMIT
 from control.types import JointCommand
+from sim.backends.hardware.io_loop import IoLoop
+from sim.backends.hardware.records import IoMemory
 from sim.backends.hardware.states import DriveState, Request, Trip
 from sim.emulator.base_board import COMMAND_TIMEOUT_S
 from sim.emulator.faults import Faults
@@ -47,6 +50,42 @@ def test_frozen_states(driving: Rig) -> None:
     assert driving.supervisor.faults & Trip.STALE_STATE
     driving.run(COMMAND_TIMEOUT_S)
     assert motors_only_damp(driving)  # the board hears nothing either: its own time-out damps
+
+
+def test_a_killed_robot_is_damped_until_it_returns_under_its_own_program(driving: Rig) -> None:
+    driving.emulator.faults.kill = True
+    delay = trip(driving, 0.2)
+    assert driving.config.limits.state_damp_s < delay <= driving.config.limits.state_damp_s + 0.006
+    sent = len(driving.wire.log)
+    driving.run(2.0)
+    assert len(driving.wire.log) == sent + 1000 and driving.damps()
+    driving.wire.commands.clear()  # nobody was there to take them
+    driving.restart("normal")
+    sent = len(driving.wire.log)
+    driving.run(0.1)
+    assert driving.supervisor.faults & Trip.RESTARTED
+    assert len(driving.wire.log) == sent and driving.emulator.base.refused == 0
+    driving.ask(Request.CLEAR, until=DriveState.OBSERVE)
+    driving.ask(Request.ENGAGE, until=DriveState.DAMPED)
+    assert driving.emulator.base.mode == "" and driving.damps()
+
+
+def test_an_error_of_our_own_damps(driving: Rig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(now: float) -> bool:
+        raise OSError("broken")
+
+    loop = IoLoop(driving.config, driving.robot, driving.supervisor, IoMemory(tmp_path / "memory", create=True))
+    sent = len(driving.wire.log)
+    with monkeypatch.context() as error:
+        error.setattr(driving.robot, "poll", broken)
+        for _ in range(10):
+            driving.emulator.step()
+            loop.tick(driving.now)
+    assert driving.supervisor.faults == Trip.INTERNAL
+    assert len(driving.wire.log) == sent + 10 and driving.damps() and motors_only_damp(driving)
+    driving.emulator.step()
+    loop.tick(driving.now)
+    assert driving.state == DriveState.FAULT and driving.damps()
 
 
 @pytest.mark.parametrize("joint", ["FL_calf", "RR_wheel"])
@@ -162,7 +201,7 @@ def test_the_remote_control_stops(driving: Rig) -> None:
 def test_a_late_command_is_held_then_damped(driving: Rig) -> None:
     driving.command_age_s = 0.08
     driving.run(0.05)
-    assert driving.state == DriveState.POLICY
+    assert driving.state == DriveState.POLICY and Trip.STALE_COMMAND in driving.supervisor.warnings
     driving.command_age_s = 0.11
     assert trip(driving, 0.05) == TICK_S
     assert driving.supervisor.faults == Trip.STALE_COMMAND

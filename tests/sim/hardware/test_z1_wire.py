@@ -1,5 +1,6 @@
 """The arm's frames against the vendor's packed C structures (z1_sdk, message/arm_common.h) and its torque formula."""
 
+import errno
 import struct
 from collections.abc import Callable, Iterator
 
@@ -128,3 +129,31 @@ def test_a_taken_port_is_named(arm: Arm) -> None:
     driver, _, _ = arm
     with pytest.raises(BackendError, match=f"UDP port {driver.config.state_port}"):
         Z1Driver(driver.config)
+
+
+@pytest.mark.parametrize("host", ["z1.local", "localhost", "127.0.0.1.example.com", "::1", ""])
+def test_the_arm_is_named_by_its_address(host: str) -> None:
+    with pytest.raises(ValueError, match="must be an IPv4 address"):
+        Z1Config(host)
+
+
+class DeadNetwork:
+    """A socket whose interface has lost its cable."""
+
+    def sendto(self, *_: object) -> int:
+        raise OSError(errno.ENETUNREACH, "Network is unreachable")
+
+    recvfrom = sendto
+
+
+def test_a_network_that_goes_away_is_silence(arm: Arm, monkeypatch: pytest.MonkeyPatch) -> None:
+    driver, controller, body = arm
+    exchange(driver, controller, body, [np.zeros(6)] * 5)
+    heard_s = driver.received_s
+    with monkeypatch.context() as dead:
+        dead.setattr(driver, "_socket", DeadNetwork())
+        for act in (driver.damp, driver.poke, lambda: driver.write(1.0, *[np.zeros(6)] * 5)):
+            act()
+            assert not driver.poll(1.0)
+    assert driver.received_s == heard_s
+    exchange(driver, controller, body, [np.zeros(6)] * 5)
