@@ -27,8 +27,8 @@ from control.robot_model import GRAVITY_MPS2, RobotModel
 from control.stance import Stance, StanceConfig
 from control.task_memory import TaskMemory, TaskSignals
 from control.wheel_control import HIPS_AND_THIGHS, WheelConfig
-from sim.batch_rotations import cross, rotate, rotate_back
-from sim.training_robot import BatchedRobot, leg_rows
+from sim.batch_rotations import cross, rotate, rotate_back, solve_positive
+from sim.training_robot import LEG_OF_JOINT, BatchedRobot
 
 _LEFT_MINUS_RIGHT = np.array([1.0, -1.0, 1.0, -1.0])
 
@@ -106,7 +106,7 @@ class BatchedTeacher:
         limit = config.position_error_limit_m
         tracking = memory.reference_velocity + config.position_gain * np.clip(error, -limit, limit)
         tracking -= rotate_back(heading, rocking)
-        arm_velocity = np.einsum("nkd,nk->nd", robot.hand_jacobian, dq)
+        arm_velocity = rotate_back(robot.hand_jacobian, dq)
         fastest = config.approach_speed_limit_mps
         approach = np.clip(-config.approach_gain * signals.force, -fastest, fastest)
         to_lower, to_upper = _WORKSPACE[:, None] - signals.hand_position
@@ -120,10 +120,9 @@ class BatchedTeacher:
 
         scale = config.orientation_scale_m
         scaled = np.concatenate([robot.hand_jacobian, scale * axes], axis=2)
-        normal = scaled @ scaled.transpose(0, 2, 1)
-        normal += config.damping**2 * np.eye(6)
+        normal = np.einsum("nik,njk->nij", scaled, scaled) + config.damping**2 * np.eye(6)
         twist = np.concatenate([linear, scale * angular], axis=1)
-        velocity = np.linalg.solve(normal, scaled @ twist[:, :, None])[:, :, 0]
+        velocity = solve_positive(normal, rotate(scaled, twist))
         velocity *= np.minimum(1.0, config.joint_speed_limit_rps / np.maximum(np.abs(velocity).max(axis=1), 1e-9))[:, None]
         velocity[((q > self._upper) & (velocity > 0.0)) | ((q < self._lower) & (velocity < 0.0))] = 0.0
 
@@ -134,9 +133,9 @@ class BatchedTeacher:
         force = rotate(heading, hand_force)
         torque = (
             gravity
-            + rotate(self._arm_inertia(), config.velocity_gain * (velocity - dq))
+            + self._arm_torque(config.velocity_gain * (velocity - dq))
             + DAMPING[ARM_SLICE] * velocity
-            + np.einsum("nkd,nd->nk", robot.hand_jacobian, force)
+            + rotate(robot.hand_jacobian, force)
         )
         limit = TORQUE_LIMIT[ARM_SLICE]
         return q + np.clip(torque, -limit, limit) / STIFFNESS[ARM_SLICE]
@@ -155,12 +154,12 @@ class BatchedTeacher:
         on_force = self._on_force(signals)
         expected = on_force * signals.force + (1.0 - on_force) * signals.force_estimate
         forces = self._ground_forces(signals, rotate(robot.rotation_heading_to_world, expected))
-        wheel_torque = gravity[:, WHEEL_SLICE] - self._contact_torque(forces)[:, WHEEL_SLICE]
+        wheel_torque = gravity[:, WHEEL_SLICE] - self._contact_torque(forces, WHEEL_SLICE)
         excess = (signals.joint_torque[:, WHEEL_SLICE] - wheel_torque) @ _LEFT_MINUS_RIGHT / (4.0 * WHEEL_RADIUS_M)
         self._traction += config.traction_smoothing * (excess - self._traction)
         forward = robot.rotation_heading_to_world[:, None, :, 0]
         steering = (self._traction[:, None] * _LEFT_MINUS_RIGHT)[:, :, None] * forward
-        torque = gravity[:, LEG_SLICE] - self._contact_torque(forces + steering)[:, LEG_SLICE]
+        torque = gravity[:, LEG_SLICE] - self._contact_torque(forces + steering, LEG_SLICE)
         q, dq = signals.joint_position[:, LEG_SLICE], signals.joint_velocity[:, LEG_SLICE]
         posture = self._stance_step(forces[:, :, 2])
         support = forces[:, :, 2].min(axis=1) / forces[:, :, 2].mean(axis=1)
@@ -168,41 +167,33 @@ class BatchedTeacher:
         return posture + np.clip(offset, -config.offset_limit_rad, config.offset_limit_rad), wheel_torque, support
 
     def _ground_forces(self, signals: TaskSignals, hand_force: np.ndarray) -> np.ndarray:
-        """Least-norm ground forces (n, 4, 3)."""
+        """Least-norm ground forces (n, 4, 3): f = F / 4 + w x r, r from the middle of the contacts, F and w of the wrench."""
         config, robot = self._legs, self._robot
-        center = self._masses @ robot.body_positions / self._total_mass
+        center = (self._masses @ robot.body_positions.T).T / self._total_mass
         up = robot.rotation_base_to_world[:, :, 2]
         rate = rotate(robot.rotation_base_to_world, signals.angular_velocity)
-        wrench = np.empty((robot.count, 6))
-        wrench[:, :3] = -hand_force
-        wrench[:, 2] += (
+        sway = signals.base_velocity[:, :2] - signals.base_linear_velocity[:, :2]
+        force = config.sway_damping * rotate(robot.rotation_heading_to_world[:, :, :2], sway) - hand_force
+        force[:, 2] += (
             self._total_mass * GRAVITY_MPS2
             + config.height_stiffness * (NOMINAL_BASE_HEIGHT_M - signals.base_height[:, 0])
             - config.height_damping * signals.base_linear_velocity[:, 2]
         )
-        sway = signals.base_velocity[:, :2] - signals.base_linear_velocity[:, :2]
-        wrench[:, :3] += config.sway_damping * np.einsum("ndk,nk->nd", robot.rotation_heading_to_world[:, :, :2], sway)
-        wrench[:, 3:] = -cross(robot.hand_position - center, hand_force)
-        wrench[:, 3] += config.tilt_stiffness * up[:, 1] - config.tilt_damping * rate[:, 0]
-        wrench[:, 4] += -config.tilt_stiffness * up[:, 0] - config.tilt_damping * rate[:, 1]
-        lever = robot.contact_positions - center[:, None]
-        # With grasp map G = [I; skew(r)] per wheel: f = G^T (G G^T)^-1 w.
-        skews = np.zeros((robot.count, 4, 3, 3))
-        skews[..., 0, 1], skews[..., 0, 2], skews[..., 1, 2] = -lever[..., 2], lever[..., 1], -lever[..., 0]
-        skews -= skews.transpose(0, 1, 3, 2)
-        grasp = np.empty((robot.count, 6, 12))
-        grasp[:, :3] = np.tile(np.eye(3), 4)
-        grasp[:, 3:] = skews.transpose(0, 2, 1, 3).reshape(robot.count, 3, 12)
-        transposed = grasp.transpose(0, 2, 1)
-        return (transposed @ np.linalg.solve(grasp @ transposed, wrench[:, :, None])).reshape(robot.count, 4, 3)
+        middle = robot.contact_positions.mean(axis=1)
+        moment = cross(center - middle, force) - cross(robot.hand_position - center, hand_force)
+        moment[:, 0] += config.tilt_stiffness * up[:, 1] - config.tilt_damping * rate[:, 0]
+        moment[:, 1] += -config.tilt_stiffness * up[:, 0] - config.tilt_damping * rate[:, 1]
+        lever = robot.contact_positions - middle[:, None]
+        squares = np.einsum("nwi,nwj->nij", lever, lever)
+        spread = np.trace(squares, axis1=1, axis2=2)[:, None, None] * np.eye(3) - squares
+        return force[:, None] / 4.0 + cross(solve_positive(spread, moment)[:, None], lever)
 
     def _stance_step(self, vertical_forces: np.ndarray) -> np.ndarray:
         """Leg posture (n, 12) of the shifted stance, see control.stance."""
         config, robot = self._stance, self._robot
         relative = robot.contact_positions - robot.base_position[:, None]
-        planar = relative @ robot.rotation_heading_to_world[:, :, :2]
-        pressure = np.einsum("nw,nwd->nd", vertical_forces, planar) / np.maximum(vertical_forces.sum(axis=1), 1.0)[:, None]
-        offset = pressure - planar.mean(axis=1)
+        pressure = rotate_back(relative, vertical_forces) / np.maximum(vertical_forces.sum(axis=1), 1.0)[:, None]
+        offset = rotate_back(robot.rotation_heading_to_world, pressure - relative.mean(axis=1))[:, :2]
         excess = offset - np.clip(offset, -config.dead_band_m, config.dead_band_m)
         velocity = config.gain * excess - config.return_gain * self._shift
         velocity = np.clip(velocity, -config.speed_mps, config.speed_mps)
@@ -223,9 +214,7 @@ class BatchedTeacher:
         integral = config.yaw_integral_gain * memory.yaw_integral
         steering = yaw + config.yaw_gain * (yaw - signals.yaw_rate) + integral
         turn = self._relieve(signals, support, at_rest[:, 0])[:, None] * steering
-        lateral = np.einsum(
-            "nwd,nd->nw", robot.contact_positions - robot.base_position[:, None], robot.rotation_heading_to_world[:, :, 1]
-        )
+        lateral = rotate(robot.contact_positions - robot.base_position[:, None], robot.rotation_heading_to_world[:, :, 1])
         rolling = shift + (forward - turn * lateral) / WHEEL_RADIUS_M
         drag = self._wheel_damping * rolling + self._wheel_friction * np.tanh(rolling)
         return feed_forward + np.where(at_rest, shift + hold, rolling + drag / DAMPING[WHEEL_SLICE])
@@ -239,48 +228,35 @@ class BatchedTeacher:
         self._relief = np.where(at_rest, self._relief, relief)
         return self._relief
 
-    def _contact_torque(self, forces: np.ndarray) -> np.ndarray:
-        """J_c^T lambda (n, 16) of legs and wheels for ground forces (n, 4, 3)."""
-        robot = self._robot
-        torque = np.empty((robot.count, 16))
-        for wheel in range(4):
-            rows = leg_rows(wheel)
-            lever = robot.contact_positions[:, wheel, None] - robot.anchors[:, rows]
-            torque[:, rows] = np.einsum("nkd,nd->nk", cross(robot.axes[:, rows], lever), forces[:, wheel])
-        return torque
+    def _contact_torque(self, forces: np.ndarray, joints: slice) -> np.ndarray:
+        """J_c^T lambda (n, k) of some of the joints of legs and wheels, for ground forces (n, 4, 3)."""
+        return np.einsum("nkd,nkd->nk", self._robot.contact_jacobian[:, joints], forces[:, LEG_OF_JOINT[joints]])
 
     def _gravity_torque(self) -> np.ndarray:
         """Torque (n, 22) that holds each joint's subtree against gravity."""
         robot = self._robot
-        moments = self._carried_masses @ robot.body_positions
+        moments = (self._carried_masses @ robot.body_positions.T).T
         lever = moments - robot.anchors * self._carried_masses.sum(axis=1)[:, None]
         return GRAVITY_MPS2 * (robot.axes[:, :, 0] * lever[:, :, 1] - robot.axes[:, :, 1] * lever[:, :, 0])
 
-    def _arm_inertia(self) -> np.ndarray:
-        """Joint-space inertia (n, 6, 6) of the arm: composite bodies about the first arm joint, with armature."""
+    def _arm_torque(self, acceleration: np.ndarray) -> np.ndarray:
+        """Torque (n, 6) that accelerates the arm's joints by (n, 6) rad/s^2 from rest: Newton and Euler, base held."""
         robot, bodies = self._robot, self._robot.arm_bodies
-        origin = robot.anchors[:, ARM_SLICE.start]
-        offset = robot.body_positions[:, bodies] - origin[:, None]
-        mass = self._masses[bodies][:, None]
-        rotation = robot.inertial_rotations[:, bodies].reshape(robot.count, len(bodies), 3, 3)
-        inertia = (rotation * robot.nominal_inertias[bodies][:, None, :]) @ rotation.transpose(0, 1, 3, 2)
-        square = np.einsum("nbd,nbd->nb", offset, offset)[:, :, None, None] * np.eye(3)
-        inertia += mass[:, :, None] * (square - offset[:, :, :, None] * offset[:, :, None, :])
-        first = mass * offset
-        # The tool is rigid on the last link: composite k holds link k and everything after it.
-        inertia = np.cumsum(inertia[:, ::-1], axis=1)[:, :0:-1]
-        first = np.cumsum(first[:, ::-1], axis=1)[:, :0:-1]
-        mass = np.cumsum(mass[::-1], axis=0)[:0:-1]
-        axes = robot.axes[:, ARM_SLICE]
-        at_origin = cross(axes, origin[:, None] - robot.anchors[:, ARM_SLICE])
-        linear = mass * at_origin + cross(axes, first)
-        angular = (inertia @ axes[..., None])[..., 0] + cross(first, at_origin)
-        joint = axes @ angular.transpose(0, 2, 1) + at_origin @ linear.transpose(0, 2, 1)
-        # Row i, column j holds for i <= j: joint i moves everything that joint j moves.
-        upper = np.triu(joint)
-        joint = upper + np.triu(upper, 1).transpose(0, 2, 1)
-        joint += np.diag(self._armature)
-        return joint
+        origin = robot.anchors[:, ARM_SLICE.start, None]
+        axes, anchors = robot.axes[:, ARM_SLICE], robot.anchors[:, ARM_SLICE] - origin
+        centers, rotations = robot.body_positions[:, bodies] - origin, robot.arm_inertial_rotations
+        # The tool is rigid on the last link.
+        links = [*range(len(bodies) - 1), len(bodies) - 2]
+        turning = axes * acceleration[:, :, None]
+        angular = np.cumsum(turning, axis=1)[:, links]
+        linear = cross(angular, centers) - np.cumsum(cross(turning, anchors), axis=1)[:, links]
+        force = self._masses[bodies][:, None] * linear
+        principal = self._robot.nominal_inertias[bodies] * np.einsum("nbij,nbi->nbj", rotations, angular)
+        moment = np.einsum("nbij,nbj->nbi", rotations, principal) + cross(centers, force)
+        # A joint carries its link and everything after it.
+        force, moment = (np.cumsum(each[:, ::-1], axis=1)[:, :0:-1] for each in (force, moment))
+        torque = np.einsum("nkd,nkd->nk", axes, moment - cross(anchors, force))
+        return torque + self._armature * acceleration
 
     def _carried(self, model: mujoco.MjModel) -> np.ndarray:
         """(22, bodies): 1 where a joint carries a body."""

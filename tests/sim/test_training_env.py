@@ -14,7 +14,7 @@ from control.observation import RESIDUAL_FORM, ActionScales, task_signals
 from control.robot_model import RobotModel
 from control.task_memory import TaskSignals
 from control.types import BaseState, Command, SensorFrame
-from sim.batch_rotations import quaternions_from_rotations
+from sim.batch_rotations import quaternions_from_rotations, solve_positive
 from sim.estimator_surrogate import LowPass, SurrogateParameters
 from sim.training_commands import SLIDE, CommandRanges
 from sim.training_env import SensorNoise, TrainingEnv, TrainingEnvConfig
@@ -134,6 +134,14 @@ def test_batched_quaternions_equal_the_single_ones():
     rotations = np.array([rotation_from_quaternion(q) for q in quaternions])
     expected = np.array([quaternion_from_rotation(rotation) for rotation in rotations])
     assert np.allclose(quaternions_from_rotations(rotations), expected, atol=1e-9)
+
+
+def test_batched_systems_are_solved():
+    random = np.random.default_rng(2)
+    roots, vectors = random.standard_normal((20, 6, 6)), random.standard_normal((20, 6))
+    matrices = roots @ roots.transpose(0, 2, 1) + 0.1 * np.eye(6)
+    expected = np.linalg.solve(matrices, vectors[:, :, None])[:, :, 0]
+    assert np.allclose(solve_positive(matrices, vectors), expected, rtol=1e-9)
 
 
 def test_teacher_stands_drives_and_regulates_force_in_the_training_world():
