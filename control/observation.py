@@ -156,7 +156,7 @@ class Observation:
         sources = _Sources(signals, memory, action, phase)
         parts = [part(sources, self.scales) for _, part in self._parts.values()]
         limit = self.scales.limit
-        return np.clip(np.concatenate(parts, axis=-1), -limit, limit).astype(np.float32)
+        return np.clip(np.concatenate(parts, axis=-1), -limit, limit).astype(np.float32, order="C")
 
 
 def advance_phase(phase: np.ndarray) -> np.ndarray:

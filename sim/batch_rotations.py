@@ -52,9 +52,14 @@ def quaternion_products(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 def rotation_errors(targets: np.ndarray, actual: np.ndarray) -> np.ndarray:
     """Rotation vectors (n, 3), rad, that turn `actual` into `targets`, both (n, 3, 3)."""
-    wxyz = quaternions_from_rotations(targets @ actual.transpose(0, 2, 1))
+    wxyz = quaternions_from_rotations(products(targets, actual.transpose(0, 2, 1)))
     sine = np.linalg.norm(wxyz[:, 1:], axis=1, keepdims=True)
     return np.where(sine < 1e-9, 2.0, 2.0 * np.arctan2(sine, wxyz[:, :1]) / np.maximum(sine, 1e-9)) * wxyz[:, 1:]
+
+
+def products(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Matrix products (n, i, k) of `a` (n, i, j) and `b` (n, j, k), faster than matmul for small ones in Fortran order."""
+    return np.einsum("nij,njk->nik", a, b)
 
 
 def rotate(rotations: np.ndarray, vectors: np.ndarray) -> np.ndarray:

@@ -5,7 +5,7 @@ observation. What the policy and the teacher get carries sensor noise and the es
 critic's privileged part see truth.
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 
@@ -15,7 +15,13 @@ from control.controller import CONTROL_PERIOD_S
 from control.joints import JOINT_COUNT, NOMINAL_BASE_HEIGHT_M, NOMINAL_POSITION, WHEEL_SLICE
 from control.observation import EXTENDED_FORM, RESIDUAL_FORM, ActionScales, Observation, advance_phase
 from control.task_memory import TaskMemory, TaskMemoryConfig, TaskSignals
-from sim.batch_rotations import quaternions_from_rotations, rotate_back, rotation_errors, rotations_from_quaternions
+from sim.batch_rotations import (
+    products,
+    quaternions_from_rotations,
+    rotate_back,
+    rotation_errors,
+    rotations_from_quaternions,
+)
 from sim.estimator_surrogate import EstimatorSurrogate, SurrogateParameters, fitted_surrogate
 from sim.training_commands import CommandRanges, CommandSource
 from sim.training_references import BatchedReferences
@@ -25,6 +31,7 @@ from sim.training_surroundings import SurroundingRanges, Surroundings
 from sim.training_teacher import BatchedTeacher
 
 PRIVILEGED_SIZE = 22
+_ALL = slice(None)
 
 TEACHER_ARM = replace(ArmConfig(), contact_share=0.0, load_gain=0.0)
 """The model-based arm in its plain form, without the approach to contact and the load that axes in motion carry."""
@@ -107,12 +114,14 @@ class TrainingEnv:
         self._action_limit, self._correction_limit = ActionScales().limit, ActionScales().correction_limit
         self._nominal = NOMINAL_POSITION.copy()
         self._nominal[WHEEL_SLICE] = 0.0
-        self._action = np.zeros((count, JOINT_COUNT))
+        self._action = np.zeros((count, JOINT_COUNT), order="F")
         self._phase = np.zeros((count, 1))
-        self._hand_force = np.zeros((count, 3))
+        self._hand_force = np.zeros((count, 3), order="F")
         # Robots start at different ages, so that they do not all start anew together.
         self._age_s = random.uniform(0.0, config.episode_s, count)
-        self._reset(np.arange(count))
+        everyone = np.arange(count)
+        self._reset(everyone)
+        self._draw(everyone)
         self._hand = self._measured_hand()
         self._observe()
 
@@ -129,7 +138,7 @@ class TrainingEnv:
     def step(self, action: np.ndarray) -> StepResult:
         """Act (n, 22) for one control period; with the residual form the action corrects the teacher's."""
         config, robot = self.config, self.robot
-        action = action.astype(float)
+        action = action.astype(float, order="F")
         if self._corrects:
             action = self.teacher_action() + np.clip(action, -self._correction_limit, self._correction_limit)
         action = np.clip(action, -self._action_limit, self._action_limit)
@@ -153,15 +162,15 @@ class TrainingEnv:
         self._advance_references()
         self._observe()
         last = self.observation[ended], self.privileged[ended]
-        fresh, over = np.flatnonzero(done), self.source.time_s >= self.source.duration_s
+        fresh = np.flatnonzero(done)
         if fresh.size:
             self._age_s[fresh] = 0.0
             self._reset(fresh)
-        segments = np.flatnonzero(over & ~done)
-        if segments.size:
-            self._draw(segments)
+        drawn = np.flatnonzero(done | (self.source.time_s >= self.source.duration_s))
+        if drawn.size:
+            self._draw(drawn)
         if fresh.size:
-            self._observe(only=fresh)
+            self._observe_fresh(fresh)
         return StepResult(reward, done, ended, *last, state, mask, segment_s)
 
     def _reset(self, ids: np.ndarray) -> None:
@@ -174,62 +183,75 @@ class TrainingEnv:
         self._hand_force[ids] = 0.0
         heading = self.robot.rotation_heading_to_world[ids]
         orientation = quaternions_from_rotations(heading.transpose(0, 2, 1) @ self.robot.hand_rotation[ids])
-        self.references.reset(ids, self._measured_hand()[ids], orientation)
-        self._draw(ids)
+        self.references.reset(ids, self._measured_hand(ids), orientation)
 
     def _draw(self, ids: np.ndarray) -> None:
-        self.source.draw(ids, self._measured_hand()[ids])
+        self.source.draw(ids, self._measured_hand(ids))
         self.surroundings.draw(ids)
 
-    def _measured_hand(self) -> np.ndarray:
-        """Hand (n, 3) in heading, as kinematics give it: height above the wheels' contact points."""
+    def _measured_hand(self, ids: np.ndarray | slice = _ALL) -> np.ndarray:
+        """Hands (m, 3) in heading, as kinematics give them: height above the wheels' contact points."""
         robot = self.robot
-        hand = rotate_back(robot.rotation_heading_to_world, robot.hand_position - robot.base_position)
-        hand[:, 2] += self._base_height()
+        hand = rotate_back(robot.rotation_heading_to_world[ids], robot.hand_position[ids] - robot.base_position[ids])
+        hand[:, 2] += self._base_height(ids)
         return hand
 
-    def _base_height(self) -> np.ndarray:
-        heights = np.sort(self.robot.base_position[:, 2:] - self.robot.contact_positions[:, :, 2], axis=1)
-        return 0.5 * (heights[:, 1] + heights[:, 2])
+    def _base_height(self, ids: np.ndarray | slice = _ALL) -> np.ndarray:
+        """Heights (m,) m above the mean of the middle two contact points."""
+        contacts = self.robot.contact_positions[ids, :, 2]
+        middle = contacts.sum(axis=1) - contacts.max(axis=1) - contacts.min(axis=1)
+        return self.robot.base_position[ids, 2] - 0.5 * middle
 
     def _advance_references(self) -> None:
         robot, noise = self.robot, self.config.noise
         forward = rotate_back(robot.rotation_heading_to_world, robot.base_linear_velocity)
         self.estimator.step(self._hand_force, np.stack([forward[:, 0], robot.base_angular_velocity[:, 2]], axis=1))
-        self._hand = self._measured_hand() + self._noise(noise.hand_position_m, 3)
+        self._hand = self._measured_hand() + self._noise(noise.hand_position_m, 3, self.config.count)
         self.source.advance(self._hand, self.estimator.force, CONTROL_PERIOD_S)
         self.references.step(self.source.commands, self._hand, self.estimator.force, CONTROL_PERIOD_S)
 
-    def _observe(self, only: np.ndarray | None = None) -> None:
-        """Sense and assemble. With `only`, robots that have just started are seen; the memory of the others stands still."""
-        robot, noise, references = self.robot, self.config.noise, self.references
-        if only is not None:
-            self._hand[only] = self._measured_hand()[only]
-        rotation, heading = robot.rotation_base_to_world, robot.rotation_heading_to_world
-        target = heading @ rotations_from_quaternions(references.orientation)
-        velocity = rotate_back(heading, robot.rolling_velocity) + self._noise(noise.rolling_velocity_mps, 3)
-        self.signals = TaskSignals(
-            angular_velocity=robot.angular_velocity_in_base + self._noise(noise.angular_velocity_rps, 3),
-            gravity=-rotation[:, 2] + self._noise(noise.gravity, 3),
-            base_linear_velocity=velocity,
-            base_height=self._base_height()[:, None] + self._noise(noise.hand_position_m, 1),
-            yaw_rate=robot.base_angular_velocity[:, 2:] + self._noise(noise.angular_velocity_rps, 1),
-            joint_position=robot.joint_position + self._noise(noise.joint_position_rad, JOINT_COUNT),
-            joint_velocity=robot.joint_velocity + self._noise(noise.joint_velocity_rps, JOINT_COUNT),
-            joint_torque=robot.joint_torque + self._noise(noise.joint_torque_nm, JOINT_COUNT),
-            hand_position=self._hand,
-            orientation_error=rotate_back(heading, rotation_errors(target, robot.hand_rotation)),
-            force_estimate=self.estimator.force,
-            mask=references.mask,
-            force=references.force,
-            position=references.position,
-            orientation=references.orientation,
-            base_velocity=references.base_velocity,
-        )
-        if only is None:
-            self.memory.step(self.signals)
+    def _observe(self) -> None:
+        self.signals = self._sense()
+        self.memory.step(self.signals)
         self.observation = self.form.assemble(self.signals, self.memory, self._action, self._phase)
         self.privileged = self._privileged()
+
+    def _observe_fresh(self, ids: np.ndarray) -> None:
+        """Let robots that have just started be seen in their new state; the others stay as they were seen."""
+        self._hand[ids] = self._measured_hand(ids)
+        signals = self._sense(ids)
+        for each in fields(TaskSignals):
+            getattr(self.signals, each.name)[ids] = getattr(signals, each.name)
+        nothing = TaskMemory(TaskMemoryConfig(), (len(ids),))
+        self.observation[ids] = self.form.assemble(signals, nothing, self._action[ids], self._phase[ids])
+        self.privileged = self._privileged()
+
+    def _sense(self, ids: np.ndarray | slice = _ALL) -> TaskSignals:
+        """Measurements of robots `ids`, with noise."""
+        robot, noise, references = self.robot, self.config.noise, self.references
+        rotation, heading = robot.rotation_base_to_world[ids], robot.rotation_heading_to_world[ids]
+        count = len(heading)
+        target = products(heading, rotations_from_quaternions(references.orientation[ids]))
+        velocity = rotate_back(heading, robot.rolling_velocity[ids])
+        angular_velocity, yaw_rate = robot.angular_velocity_in_base[ids], robot.base_angular_velocity[ids, 2:]
+        return TaskSignals(
+            angular_velocity=angular_velocity + self._noise(noise.angular_velocity_rps, 3, count),
+            gravity=-rotation[:, 2] + self._noise(noise.gravity, 3, count),
+            base_linear_velocity=velocity + self._noise(noise.rolling_velocity_mps, 3, count),
+            base_height=self._base_height(ids)[:, None] + self._noise(noise.hand_position_m, 1, count),
+            yaw_rate=yaw_rate + self._noise(noise.angular_velocity_rps, 1, count),
+            joint_position=robot.joint_position[ids] + self._noise(noise.joint_position_rad, JOINT_COUNT, count),
+            joint_velocity=robot.joint_velocity[ids] + self._noise(noise.joint_velocity_rps, JOINT_COUNT, count),
+            joint_torque=robot.joint_torque[ids] + self._noise(noise.joint_torque_nm, JOINT_COUNT, count),
+            hand_position=self._hand[ids],
+            orientation_error=rotate_back(heading, rotation_errors(target, robot.hand_rotation[ids])),
+            force_estimate=self.estimator.force[ids],
+            mask=references.mask[ids],
+            force=references.force[ids],
+            position=references.position[ids],
+            orientation=references.orientation[ids],
+            base_velocity=references.base_velocity[ids],
+        )
 
     def _privileged(self) -> np.ndarray:
         """(n, 22) truth for the critic alone."""
@@ -248,13 +270,13 @@ class TrainingEnv:
             arm,
             self.surroundings.stiffness_of_force_axes() * 0.002,
         ]
-        return np.clip(np.concatenate(parts, axis=1), -8.0, 8.0).astype(np.float32)
+        return np.clip(np.concatenate(parts, axis=1), -8.0, 8.0).astype(np.float32, order="C")
 
     def _judge(self, action_change: np.ndarray) -> RewardInput:
         robot, references = self.robot, self.references
         heading = robot.rotation_heading_to_world
         velocity = rotate_back(heading, robot.base_linear_velocity)
-        target = heading @ rotations_from_quaternions(references.orientation)
+        target = products(heading, rotations_from_quaternions(references.orientation))
         gravity = -robot.rotation_base_to_world[:, 2]
         height = robot.base_position[:, 2]
         return RewardInput(
@@ -279,5 +301,5 @@ class TrainingEnv:
         robot = self.robot
         return rotate_back(robot.rotation_heading_to_world, robot.hand_position - robot.base_position * [1.0, 1.0, 0.0])
 
-    def _noise(self, deviation: float, size: int) -> np.ndarray:
-        return deviation * self._random.standard_normal((self.config.count, size))
+    def _noise(self, deviation: float, size: int, count: int) -> np.ndarray:
+        return deviation * self._random.standard_normal((size, count)).T
