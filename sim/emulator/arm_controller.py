@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from control.joints import ARM_JOINT_NAMES, ARM_SLICE
+from control.joints import ARM_SLICE
 from control.types import JointCommand
 from sim.backends.protocol import BackendError
 from sim.backends.z1.frames import (
@@ -23,6 +23,7 @@ from sim.backends.z1.frames import (
     new_state,
 )
 from sim.emulator.faults import Faults, FaultyChannel
+from sim.emulator.joint_readings import JointReadings
 from sim.emulator.physics import ARM_FOLDED, RobotBody, hold
 
 COMMAND_TIMEOUT_S = 0.1
@@ -70,7 +71,7 @@ class ArmController:
         self._command_s = -np.inf
         self._return_start = ARM_FOLDED
         self._return_s = -np.inf
-        self._heat = np.zeros(JOINT_COUNT)
+        self._joints = JointReadings(body, faults)
         self.mode = ArmMode.PASSIVE
         self.accepted = self.bad_frames = 0
 
@@ -118,16 +119,12 @@ class ArmController:
         """Send the state of this moment."""
         if self._faults.freeze:
             return
-        frame, joint = self._body.frame, self._state["joint"][0]
-        joint["position"][:JOINT_COUNT] = frame.joint_position[ARM_SLICE]
-        joint["velocity"][:JOINT_COUNT] = frame.joint_velocity[ARM_SLICE]
-        joint["torque"][:JOINT_COUNT] = frame.joint_torque[ARM_SLICE]
-        if self._faults.overheat in ARM_JOINT_NAMES:
-            self._heat[ARM_JOINT_NAMES.index(self._faults.overheat)] += 0.002 * self._faults.overheat_rate
-        else:
-            self._heat[:] = 0.0
-        warm = np.minimum(self._body.temperature[ARM_SLICE] + self._heat, 127.0)
-        joint["motor"]["temperature"][:JOINT_COUNT, 0] = warm
+        position, velocity, temperature = self._joints.take()
+        joint = self._state["joint"][0]
+        joint["position"][:JOINT_COUNT] = position[ARM_SLICE]
+        joint["velocity"][:JOINT_COUNT] = velocity[ARM_SLICE]
+        joint["torque"][:JOINT_COUNT] = self._body.frame.joint_torque[ARM_SLICE]
+        joint["motor"]["temperature"][:JOINT_COUNT, 0] = np.minimum(temperature[ARM_SLICE], 127.0)
         self._state["mode"] = self.mode
         message = self._outgoing.corrupt(self._state.tobytes())
         for datagram in self._outgoing.delayed(message, self._body.time_s):

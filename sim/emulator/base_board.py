@@ -4,13 +4,14 @@ import json
 
 import numpy as np
 
-from control.joints import JOINT_COUNT, JOINT_NAMES, LEG_SLICE, NOMINAL_POSITION, TORQUE_LIMIT
+from control.joints import LEG_SLICE, NOMINAL_POSITION, TORQUE_LIMIT
 from control.types import JointCommand
 from sim.backends.unitree import motors
 from sim.backends.unitree.link import RobotLink
 from sim.backends.unitree.messages import LowCommand, LowState, WireError
 from sim.backends.unitree.rpc import MOTION_SWITCHER, MotionSwitcherApi, RpcRequest, RpcResponse, SportApi
 from sim.emulator.faults import Faults, FaultyChannel
+from sim.emulator.joint_readings import JointReadings
 from sim.emulator.physics import CROUCH, RobotBody, hold
 
 COMMAND_TIMEOUT_S = 0.1
@@ -21,6 +22,7 @@ STAND_S = 2.0
 RELEASED = ""
 DEFAULT_MODE = "normal"
 _ERROR_UNKNOWN_API = 3203
+_ERROR_PARAMETER = 3204
 _STAND = NOMINAL_POSITION
 _REMOTE_STOP = (0x20, 0x02)
 _BASE = motors.BASE_SLICE
@@ -46,10 +48,9 @@ class BaseBoard:
         self._state.record["level_flag"] = motors.LEVEL_LOW
         self._command: LowCommand | None = None
         self._command_s = -np.inf
-        self._stuck: dict[str, float] = {}
         self._posture_start = self._posture_goal = CROUCH
         self._posture_s = -np.inf
-        self._heat = np.zeros(JOINT_COUNT)
+        self._joints = JointReadings(body, faults)
         self.battery_percent = 80.0
         self.mode = mode
         self.accepted = self.refused = self.bad_commands = 0
@@ -114,13 +115,12 @@ class BaseBoard:
     def _fill(self) -> None:
         body, faults, record, motor = self._body, self._faults, self._state.record, self._state.motor
         frame = body.frame
-        position, velocity = frame.joint_position.copy(), frame.joint_velocity.copy()
-        self._falsify(position, velocity)
+        position, velocity, temperature = self._joints.take()
         count, order = motors.BASE_JOINT_COUNT, motors.JOINT_OF_SLOT
         motor["q"][:count] = position[_BASE][order]
         motor["dq"][:count] = velocity[_BASE][order]
         motor["tau_est"][:count] = frame.joint_torque[_BASE][order]
-        motor["temperature"][:count] = np.minimum((body.temperature + self._heat)[_BASE][order], 255.0)
+        motor["temperature"][:count] = np.minimum(temperature[_BASE][order], 255.0)
         mode = self._state.motor_mode
         mode[:count] = motors.MODE_SERVO
         self._state.motor_mode = mode
@@ -136,21 +136,6 @@ class BaseBoard:
         record["tick"] = round(1000 * body.time_s)
         record["wireless_remote"][2:4] = _REMOTE_STOP if faults.remote_stop else (0, 0)
 
-    def _falsify(self, position: np.ndarray, velocity: np.ndarray) -> None:
-        faults = self._faults
-        if faults.stuck_encoder:
-            joint = _index(faults.stuck_encoder)
-            position[joint] = self._stuck.setdefault(faults.stuck_encoder, float(position[joint]))
-            velocity[joint] = 0.0
-        else:
-            self._stuck.clear()
-        if faults.nan:
-            position[_index(faults.nan)] = np.nan
-        if faults.overheat:
-            self._heat[_index(faults.overheat)] += 0.002 * faults.overheat_rate
-        else:
-            self._heat[:] = 0.0
-
     def _answer(self, request: RpcRequest) -> RpcResponse:
         code, data = 0, ""
         if request.service == MOTION_SWITCHER:
@@ -158,8 +143,7 @@ class BaseBoard:
                 case MotionSwitcherApi.CHECK_MODE:
                     data = json.dumps({"form": "0", "name": self.mode})
                 case MotionSwitcherApi.SELECT_MODE:
-                    self.mode = str(json.loads(request.parameter).get("name", DEFAULT_MODE))
-                    self._go_to(self._body.frame.joint_position)
+                    code = self._select(request.parameter)
                 case MotionSwitcherApi.RELEASE_MODE:
                     self.mode = RELEASED
                     self._command = None
@@ -175,6 +159,15 @@ class BaseBoard:
                     code = _ERROR_UNKNOWN_API
         return RpcResponse(request.service, request.id, request.api_id, code, data)
 
+    def _select(self, parameter: str) -> int:
+        try:
+            name = json.loads(parameter)["name"]
+        except (json.JSONDecodeError, KeyError, TypeError):
+            return _ERROR_PARAMETER
+        self.mode = str(name)
+        self._go_to(self._body.frame.joint_position)
+        return 0
+
     def _go_to(self, posture: np.ndarray) -> None:
         self._posture_start, self._posture_goal = self._body.frame.joint_position.copy(), posture
         self._posture_s = self._body.time_s
@@ -184,10 +177,6 @@ class BaseBoard:
         posture = self._posture_start + progress * (self._posture_goal - self._posture_start)
         posture[LEG_SLICE.stop : _BASE.stop] = 0.0
         return posture
-
-
-def _index(joint: str) -> int:
-    return JOINT_NAMES.index(joint)
 
 
 def _intruding_command() -> bytes:

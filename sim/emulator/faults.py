@@ -5,6 +5,15 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
+_RANGES = {
+    "drop": (0.0, 1.0),
+    "delay_s": (0.0, 10.0),
+    "jitter_s": (0.0, 10.0),
+    "bit_flip": (0.0, 1.0),
+    "overheat_rate": (0.0, 1000.0),
+    "battery_percent": (-1, 100),
+}
+
 
 @dataclass(slots=True)
 class Faults:
@@ -44,7 +53,7 @@ class Faults:
         """Set fields by name; all or nothing.
 
         Raises:
-            ValueError: a field, its type or a joint is unknown; the message names it.
+            ValueError: a field or a joint is unknown, or a value is of another type or out of range; the message names it.
         """
         known = {field.name: type(getattr(self, field.name)) for field in fields(self)}
         for name, value in changes.items():
@@ -54,6 +63,8 @@ class Faults:
             sound = isinstance(value, int | float) if wanted is float else isinstance(value, wanted)
             if not sound or (isinstance(value, bool) and wanted is not bool):
                 raise ValueError(f"fault {name!r} is {value!r}; it must be {wanted.__name__}")
+            if name in _RANGES and not _RANGES[name][0] <= value <= _RANGES[name][1]:  # type: ignore[operator]
+                raise ValueError(f"fault {name!r} is {value!r}; it must be {_RANGES[name][0]:g} to {_RANGES[name][1]:g}")
             if wanted is str and value and value not in joints:
                 raise ValueError(f"fault {name!r} names {value!r}; the joints are {', '.join(joints)}")
         for name, value in changes.items():

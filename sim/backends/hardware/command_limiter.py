@@ -4,17 +4,18 @@ Predicted torque is tau = k_p (q_d - q) + k_d (dq_d - dq) + tau_ff. What exceeds
 which leaves the drive's own feedback as it is. Close to a joint's end the torque towards the end fades to zero.
 """
 
-import math
-
 import numpy as np
 
 from control.joints import JOINT_COUNT, TORQUE_LIMIT
 from control.types import JointCommand, SensorFrame
 from sim.backends.hardware.limits import HardwareLimits
 
+_LARGEST = 1e4
+"""No target, gain or torque of this robot is anywhere near; what is larger could overflow on the way to the motor."""
+
 
 class UnsoundCommandError(ValueError):
-    """A command that must not reach a motor: a wrong shape or a value that is not finite; the message names it."""
+    """A command that must not reach a motor: a wrong shape, or a value that is not finite or absurd; the message names it."""
 
 
 class CommandLimiter:
@@ -30,14 +31,14 @@ class CommandLimiter:
         """Refuse what no clipping can repair.
 
         Raises:
-            UnsoundCommandError: shape, finiteness, or a negative gain.
+            UnsoundCommandError: shape, finiteness, an absurd value, or a negative gain.
         """
         for name in ("position", "velocity", "stiffness", "damping", "torque"):
             value = getattr(command, name)
             if not isinstance(value, np.ndarray) or value.shape != (JOINT_COUNT,):
                 raise UnsoundCommandError(f"command {name} must have shape ({JOINT_COUNT},), not {np.shape(value)}")
-            if not math.isfinite(value.sum()):
-                raise UnsoundCommandError(f"command {name} holds a value that is not finite")
+            if not np.abs(value).max() <= _LARGEST:  # NaN neither
+                raise UnsoundCommandError(f"command {name} holds a value that is not finite, or above {_LARGEST:g}")
         if command.stiffness.min() < 0.0 or command.damping.min() < 0.0:
             raise UnsoundCommandError("command stiffness and damping must not be negative")
 

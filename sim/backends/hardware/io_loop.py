@@ -53,6 +53,8 @@ class IoLoop:
         self._clock = work_clock
         self._record = np.zeros(1, IO_STATE)
         self._message = ""
+        for name in ("joint_torque", "temperature", "battery_percent", "battery_v"):
+            self._record[name] = np.nan
         self._record["dry_run"] = config.dry_run
         self._record["pid"] = os.getpid()
         self._heard: np.void | None = None

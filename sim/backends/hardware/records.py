@@ -44,9 +44,9 @@ IO_STATE = np.dtype(
         ("joint_position", "f8", JOINT_COUNT),
         ("joint_velocity", "f8", JOINT_COUNT),
         ("joint_torque", "f8", JOINT_COUNT),
-        ("temperature", "f4", JOINT_COUNT),
+        ("temperature", "f4", JOINT_COUNT),  # NaN until heard, as torque and battery
         ("lost", "u4", 16),
-        ("battery_percent", "u1"),
+        ("battery_percent", "f4"),
         ("battery_v", "f4"),
         ("arm_mode", "u1"),
         ("states_received", "u8"),

@@ -10,7 +10,7 @@ from sim.backends.hardware.states import DriveState, Trip, describe
 
 @dataclass(frozen=True, slots=True)
 class MotorHealth:
-    """One row of the health table; `lost` is None for the arm, which does not count."""
+    """One row of the health table, NaN and None before the motor was heard. The arm does not count what is `lost`: None."""
 
     name: str
     temperature_c: float
@@ -30,7 +30,7 @@ class HardwareStatus:
         dry_run: nothing is sent.
         request_sequence, refused: of the last request that was handled.
         io_age_s, base_age_s, arm_age_s: of the newest report of the I/O process, and of the newest states of base and arm.
-        battery_percent, battery_v: as the base reports.
+        battery_percent, battery_v: as the base reports; None and NaN before it was heard.
         motors: 22 rows.
         states_received, states_missed, bad_messages, frames_sent, foreign_writers: counters of the link.
         worst_period_ms: longest time between two ticks of the I/O process in the last second.
@@ -50,7 +50,7 @@ class HardwareStatus:
     io_age_s: float
     base_age_s: float
     arm_age_s: float
-    battery_percent: int
+    battery_percent: int | None
     battery_v: float
     motors: tuple[MotorHealth, ...]
     states_received: int
@@ -65,7 +65,8 @@ class HardwareStatus:
 
 def status_from_record(record: np.void, now: float) -> HardwareStatus:
     """HardwareStatus of an IO_STATE record at monotonic time `now`."""
-    lost: list[int | None] = [int(value) for value in record["lost"]] + [None] * (JOINT_COUNT - 16)
+    heard = bool(np.isfinite(record["battery_percent"]))
+    lost = [int(value) if heard else None for value in record["lost"]] + [None] * (JOINT_COUNT - 16)
     motors = zip(JOINT_NAMES, record["temperature"], record["joint_torque"], lost, strict=True)
     return HardwareStatus(
         state=DriveState(int(record["state"])),
@@ -80,7 +81,7 @@ def status_from_record(record: np.void, now: float) -> HardwareStatus:
         io_age_s=now - float(record["time_s"]),
         base_age_s=now - float(record["base_received_s"]),
         arm_age_s=now - float(record["arm_received_s"]),
-        battery_percent=int(record["battery_percent"]),
+        battery_percent=int(record["battery_percent"]) if heard else None,
         battery_v=float(record["battery_v"]),
         motors=tuple(MotorHealth(name, float(t), float(torque), count) for name, t, torque, count in motors),
         states_received=int(record["states_received"]),

@@ -32,7 +32,7 @@ class ModeRelease:
         self._ids = itertools.count(random.getrandbits(40))
         self._pending: set[int] = set()
         self._lay_down_s: float | None = None
-        self._owner: str | None = None
+        self._state = "nobody answers"
         self.done = False
         self.failure: str | None = None
 
@@ -47,21 +47,25 @@ class ModeRelease:
         if self.done:
             return
         if now >= self._deadline_s:
-            owner = "nobody answers" if self._owner is None else f"{self._owner!r} still owns the motors"
-            self.failure = f"the robot's motion program was not released within {self._timeout_s:.0f} s: {owner}"
+            self.failure = f"the robot's motion program was not released within {self._timeout_s:.0f} s: {self._state}"
         elif now >= self._next_s:
             self._next_s = now + self.ASK_EVERY_S
             self._call(MOTION_SWITCHER, MotionSwitcherApi.CHECK_MODE)
 
     def _take(self, response: RpcResponse, now: float) -> None:
-        if response.service != MOTION_SWITCHER or response.api_id != MotionSwitcherApi.CHECK_MODE or response.code != 0:
+        if response.service != MOTION_SWITCHER or response.api_id != MotionSwitcherApi.CHECK_MODE:
+            return
+        if response.code != 0:
+            self._state = f"the motion switcher answers with error {response.code}"
             return
         try:
             owner = json.loads(response.data)["name"]
         except (json.JSONDecodeError, KeyError, TypeError):
+            owner = None
+        if not isinstance(owner, str):
             self.failure = f"the motion switcher answered {response.data!r}, which names no owner"
             return
-        self._owner = owner
+        self._state = f"{owner!r} still owns the motors"
         if not owner:
             self.done = True
         elif self._lay_down_s is None:

@@ -11,6 +11,7 @@ from control.joints import ARM_SLICE, LEG_SLICE, NOMINAL_POSITION, TORQUE_LIMIT,
 from control.types import JointCommand
 from sim.backends.hardware.states import ALLOWED_FROM, DriveState, Request, Trip
 from sim.backends.unitree.motors import SLOT_OF_JOINT, UNUSED_SLOTS, used_slots
+from sim.backends.unitree.rpc import RpcResponse
 from sim.backends.z1.frames import ArmMode
 
 
@@ -34,6 +35,27 @@ def test_a_robot_that_does_not_release_is_not_engaged(make_rig: Callable[..., Ri
         rig.emulator.base.mode = "normal"  # a program that takes the motors back
     assert rig.state == DriveState.OBSERVE and rig.wire.log == []
     assert "'normal' still owns the motors" in rig.supervisor.message
+
+
+@pytest.mark.parametrize(
+    ("code", "data", "says"),
+    [
+        (3203, "", "answers with error 3203"),
+        (0, "", "names no owner"),
+        (0, "[]", "names no owner"),
+        (0, '{"form": "0"}', "names no owner"),
+        (0, '{"form": "0", "name": null}', "names no owner"),
+    ],
+)
+def test_an_answer_that_names_no_owner_is_no_release(
+    make_rig: Callable[..., Rig], monkeypatch: pytest.MonkeyPatch, code: int, data: str, says: str
+) -> None:
+    rig = make_rig(mode="normal")
+    rig.run(0.05)
+    monkeypatch.setattr(rig.emulator.base, "_answer", lambda call: RpcResponse(call.service, call.id, call.api_id, code, data))
+    rig.ask(Request.ENGAGE, seconds=6.0)
+    assert rig.state == DriveState.OBSERVE and rig.wire.log == []
+    assert says in rig.supervisor.message
 
 
 def test_engage_stand_policy_sit_damp_release(rig: Rig, hold_command: JointCommand) -> None:

@@ -5,6 +5,7 @@ import json
 import pytest
 from hardware_rig import Rig
 
+from sim.backends.unitree.rpc import MOTION_SWITCHER, MotionSwitcherApi, RpcRequest
 from sim.emulator.orders import obey
 
 
@@ -33,6 +34,14 @@ def test_a_report_says_what_the_motors_were_told(ready: Rig) -> None:
 def test_faults_are_switched_by_name(ready: Rig) -> None:
     obey(ready.emulator, '{"freeze": true}', refuse)
     assert ready.emulator.faults.freeze
+
+
+@pytest.mark.parametrize("parameter", ["", "ai", "[]", "{}"])
+def test_a_call_that_names_no_mode_is_answered_with_an_error(ready: Rig, parameter: str) -> None:
+    ready.wire.requests.append(RpcRequest(MOTION_SWITCHER, 7, MotionSwitcherApi.SELECT_MODE, parameter))
+    ready.tick()
+    assert [(answer.id, answer.code) for answer in ready.wire.responses] == [(7, 3204)]
+    assert ready.emulator.base.mode == ""
 
 
 @pytest.mark.parametrize(

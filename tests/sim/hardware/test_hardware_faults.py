@@ -96,21 +96,22 @@ def test_nan_in_a_state_never_reaches_a_motor(driving: Rig, joint: str) -> None:
     assert np.isfinite(driving.last_command.data).all() and motors_only_damp(driving)
 
 
-def test_nan_of_the_arm_is_refused_as_a_frame(driving: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
-    arm = driving.emulator.arm
-    monkeypatch.setattr(arm, "publish", lambda: arm._socket.sendto(_nan_frame(arm._state.copy()), arm._client))
+def test_nan_of_the_arm_is_refused_as_a_frame(driving: Rig) -> None:
+    driving.emulator.faults.nan = "arm_joint3"
     trip(driving, 0.2)
     assert driving.supervisor.faults & Trip.STALE_ARM and driving.robot.arm.bad_frames > 10
 
 
-def _nan_frame(frame: np.ndarray) -> bytes:
-    frame["joint"]["position"][0, 2] = np.nan
-    return frame.tobytes()
-
-
 @pytest.mark.parametrize(
     ("field", "value"),
-    [("position", np.nan), ("torque", np.inf), ("stiffness", -1.0), ("damping", np.nan), ("velocity", -np.inf)],
+    [
+        ("position", np.nan),
+        ("torque", np.inf),
+        ("stiffness", -1.0),
+        ("stiffness", 1e300),
+        ("damping", np.nan),
+        ("velocity", -np.inf),
+    ],
 )
 def test_unsound_commands_are_rejected_and_latch(driving: Rig, hold_command: JointCommand, field: str, value: float) -> None:
     wrong = getattr(hold_command, field).copy()
@@ -126,10 +127,11 @@ def test_a_command_of_the_wrong_shape_is_rejected(driving: Rig, hold_command: Jo
     assert "position must have shape (22,)" in driving.supervisor.message
 
 
-def test_lost_messages_are_counted_and_survived(driving: Rig) -> None:
+def test_lost_messages_are_counted_and_survived(driving: Rig, hold_command: JointCommand) -> None:
     driving.emulator.faults.drop = 0.1
     driving.run(1.0)
     assert driving.state == DriveState.POLICY and 30 < driving.robot.base.missed < 80
+    np.testing.assert_allclose(driving.emulator.command.stiffness, hold_command.stiffness, rtol=1e-5)
 
 
 def test_flipped_bits_are_refused_and_survived(driving: Rig) -> None:
@@ -155,6 +157,7 @@ def test_delay_and_jitter(driving: Rig) -> None:
     assert driving.state == DriveState.POLICY and driving.robot.base.missed < 60
     driving.emulator.faults.delay_s = 0.2
     trip(driving, 0.3)
+    assert motors_only_damp(driving)
 
 
 @pytest.mark.parametrize("joint", ["FR_thigh", "FR_wheel", "arm_joint2"])
@@ -167,6 +170,8 @@ def test_overheating_sits_down_then_damps(driving: Rig, joint: str) -> None:
     assert 69.0 < temperature() < 71.0 and "hot" in driving.supervisor.message
     driving.run(1.0, lambda: driving.state != DriveState.SITTING)
     assert driving.damps()
+    driving.run(0.01)
+    assert motors_only_damp(driving)
 
 
 def test_a_low_battery_warns_and_sits(driving: Rig) -> None:
@@ -176,26 +181,31 @@ def test_a_low_battery_warns_and_sits(driving: Rig) -> None:
     driving.emulator.faults.battery_percent = 12
     driving.run(0.02)
     assert driving.state == DriveState.SITTING
+    driving.run(3.0, lambda: driving.state == DriveState.DAMPED)
+    driving.run(0.01)
+    assert driving.state == DriveState.DAMPED and motors_only_damp(driving)
 
 
 def test_a_second_writer_is_noticed_at_once(driving: Rig) -> None:
     driving.emulator.faults.second_writer = True
     assert trip(driving, 0.5) <= 0.1
     assert driving.supervisor.faults == Trip.FOREIGN_WRITER
+    assert not driving.emulator.command.stiffness.any()
 
 
-def test_a_stuck_encoder_is_noticed_while_standing_up(rig: Rig) -> None:
+@pytest.mark.parametrize("joint", ["RL_calf", "arm_joint2"])
+def test_a_stuck_encoder_is_noticed_while_standing_up(rig: Rig, joint: str) -> None:
     rig.engage()
-    rig.emulator.faults.stuck_encoder = "RL_calf"
+    rig.emulator.faults.stuck_encoder = joint
     rig.ask(Request.STAND, seconds=3.0)
     assert rig.state == DriveState.FAULT and rig.supervisor.faults & (Trip.STUCK_ENCODER | Trip.STAND_UP | Trip.TORQUE)
-    assert rig.damps()
+    assert rig.damps() and motors_only_damp(rig)
 
 
 def test_the_remote_control_stops(driving: Rig) -> None:
     driving.emulator.faults.remote_stop = True
     assert trip(driving, 0.1) <= 2 * TICK_S
-    assert driving.supervisor.faults == Trip.REMOTE_STOP
+    assert driving.supervisor.faults == Trip.REMOTE_STOP and motors_only_damp(driving)
 
 
 def test_a_late_command_is_held_then_damped(driving: Rig) -> None:
@@ -253,6 +263,9 @@ def test_the_self_test_refuses(make_rig: Callable[..., Rig], faults: dict[str, A
         ({"nan": "nose"}, "joints are"),
         ({"freeze": 1}, "must be bool"),
         ({"drop": True}, "float"),
+        ({"drop": 2}, "0 to 1"),
+        ({"delay_s": float("nan")}, "0 to 10"),
+        ({"battery_percent": 300}, "-1 to 100"),
     ],
 )
 def test_unknown_faults_are_named(changes: dict[str, Any], says: str) -> None:

@@ -10,10 +10,11 @@ import pytest
 from hardware_rig import Rig
 
 from sim.backends.hardware.config import HardwareConfig
-from sim.backends.hardware.io_loop import IoLoop
+from sim.backends.hardware.io_loop import HEALTH_EVERY, IoLoop
 from sim.backends.hardware.limits import HardwareLimits
 from sim.backends.hardware.records import IO_COMMAND, IO_STATE, IoMemory, lock_path, memory_path
 from sim.backends.hardware.states import DriveState, Request, Trip
+from sim.backends.hardware.status import HardwareStatus, status_from_record
 from sim.backends.hardware.writer_lock import WriterLock
 from sim.backends.protocol import BackendError
 from sim.backends.unitree.dds import DdsConfig, RobotNetworkError
@@ -60,6 +61,29 @@ def test_a_missed_record_repeats_no_request(rig: Rig, tmp_path: Path) -> None:
             memory.command.write(record)
         loop.tick(rig.now)
     assert rig.supervisor.engaging and rig.supervisor.message == ""
+
+
+def test_what_was_never_heard_is_unknown_not_zero(rig: Rig, tmp_path: Path) -> None:
+    memory = IoMemory(tmp_path / "memory", create=True)
+    loop = IoLoop(rig.config, rig.robot, rig.supervisor, memory)
+
+    def status() -> HardwareStatus:
+        record = memory.state.read()
+        assert record is not None
+        return status_from_record(record[0], rig.now)
+
+    loop.tick(rig.now)
+    silent = status()
+    assert silent.battery_percent is None and np.isnan(silent.battery_v) and np.isinf(silent.base_age_s)
+    for motor in silent.motors:
+        assert np.isnan([motor.temperature_c, motor.torque_nm]).all() and motor.lost is None
+    for _ in range(HEALTH_EVERY):
+        rig.emulator.step()
+        loop.tick(rig.now)
+    heard = status()
+    assert heard.battery_percent in (79, 80)
+    assert [motor.lost for motor in heard.motors] == [0] * 16 + [None] * 6
+    assert all(np.isfinite([motor.temperature_c, motor.torque_nm]).all() for motor in heard.motors)
 
 
 def test_the_estop_byte_is_taken_once(rig: Rig, tmp_path: Path) -> None:
