@@ -30,8 +30,9 @@ class ArmConfig:
         joint_speed_limit_rps: of the resolved joint velocity.
         velocity_gain: K_v, 1/s.
         integral_gain: N per m s, of the hand force that removes what the model does not know about position axes.
-        integral_limit_n: of that force.
-        force_gain: N per N of force error on force axes, on top of the commanded force fed forward.
+        integral_limit_n: of that force. More would, with what `load_gain` adds, drag a pressing hand over its friction.
+        force_gain: N per N of force error on force axes, on top of the commanded force fed forward. With more, a stiff
+            contact rings: the estimate is late.
         force_integral_gain: 1/s.
         force_integral_limit_n: of the integral part.
         force_error_limit_n: force errors beyond it add no more, and the integral waits.
@@ -54,16 +55,16 @@ class ArmConfig:
     joint_speed_limit_rps: float = 3.0
     velocity_gain: float = 15.0
     integral_gain: float = 150.0
-    integral_limit_n: float = 12.0
-    force_gain: float = 0.6
-    force_integral_gain: float = 2.5
+    integral_limit_n: float = 4.5
+    force_gain: float = 0.2
+    force_integral_gain: float = 5.0
     force_integral_limit_n: float = 6.0
     force_error_limit_n: float = 8.0
-    force_velocity_feedback: float = 0.5
+    force_velocity_feedback: float = 0.7
     contact_share: float = 0.3
     contact_noise_n: float = 1.0
-    approach_gain: float = 0.02
-    approach_speed_limit_mps: float = 0.25
+    approach_gain: float = 0.03
+    approach_speed_limit_mps: float = 0.3
     load_gain: float = 0.8
     load_limit_n: float = 10.0
     limit_margin_rad: float = 0.1

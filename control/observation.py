@@ -44,8 +44,8 @@ class ObservationScales:
     position_error: float = 10.0
     orientation_error: float = 3.0
     reference_velocity: float = 2.0
-    position_integral: float = 12.5
-    force_integral: float = 0.4
+    position_integral: float = 33.0
+    force_integral: float = 0.8
     base_height: float = 10.0
     base_linear_velocity: float = 2.0
     yaw_integral: float = 2.0
@@ -156,7 +156,7 @@ class Observation:
         sources = _Sources(signals, memory, action, phase)
         parts = [part(sources, self.scales) for _, part in self._parts.values()]
         limit = self.scales.limit
-        return np.clip(np.concatenate(parts, axis=-1), -limit, limit).astype(np.float32, order="C")
+        return np.clip(np.concatenate(parts, axis=-1, dtype=np.float32, casting="same_kind"), -limit, limit)
 
 
 def advance_phase(phase: np.ndarray) -> np.ndarray:

@@ -27,9 +27,9 @@ class TaskMemoryConfig:
     traction_smoothing: weight of the newest wheel torques in the steering traction.
     """
 
-    position_limit_ms: float = 0.08
+    position_limit_ms: float = 0.03
     force_error_limit_n: float = 8.0
-    force_limit_ns: float = 2.4
+    force_limit_ns: float = 1.2
     yaw_limit_rad: float = 0.8
     rest_velocity: float = 0.01
     traction_smoothing: float = 0.2
@@ -94,14 +94,15 @@ class TaskMemory:
 
     def __init__(self, config: TaskMemoryConfig, batch_shape: tuple[int, ...] = ()) -> None:
         self._config = config
-        self.position_integral = np.zeros((*batch_shape, 3))
-        self.force_integral = np.zeros((*batch_shape, 3))
+        # In the order of the batch's other arrays, see sim.batch_rotations.
+        self.position_integral = np.zeros((*batch_shape, 3), order="F")
+        self.force_integral = np.zeros((*batch_shape, 3), order="F")
         self.yaw_integral = np.zeros((*batch_shape, 1))
-        self.reference_velocity = np.zeros((*batch_shape, 3))
-        self.wheel_hold = np.zeros((*batch_shape, 4))
+        self.reference_velocity = np.zeros((*batch_shape, 3), order="F")
+        self.wheel_hold = np.zeros((*batch_shape, 4), order="F")
         self.steering_traction = np.zeros((*batch_shape, 1))
-        self._reference = np.zeros((*batch_shape, 3))
-        self._held = np.zeros((*batch_shape, 4))
+        self._reference = np.zeros((*batch_shape, 3), order="F")
+        self._held = np.zeros((*batch_shape, 4), order="F")
         self._fresh = np.ones((*batch_shape, 1), bool)
         self._driving = np.ones((*batch_shape, 1), bool)
 
