@@ -52,6 +52,7 @@ class CommandSource:
     Attributes:
         kind: (n,) of the segment. time_s, duration_s: (n,) since its start, and its length.
         commands: what is asked. slide_axis: (n,) 0 x or 1 y, of SLIDE segments.
+        constant_force: (n, 3) N, that the force asked for swings about.
         wave_amplitude: (n, 3) N, wave_rate: (n,) rad/s, of the swinging force.
     """
 
@@ -62,8 +63,8 @@ class CommandSource:
         self.kind = np.zeros(count, int)
         self.slide_axis = np.ones(count, int)
         self.time_s, self.duration_s = np.zeros(count), np.ones(count)
-        self.wave_amplitude, self.wave_rate = np.zeros((count, 3)), np.zeros(count)
-        self._constant_force = np.zeros((count, 3))
+        self.wave_amplitude, self.wave_rate = np.zeros((count, 3), order="F"), np.zeros(count)
+        self.constant_force = np.zeros((count, 3), order="F")
         self._guidance = GuidanceConfig()
         self._led_force, self._rest = np.zeros((count, 3)), np.zeros((count, 3))
 
@@ -108,7 +109,7 @@ class CommandSource:
         amplitude[slides, axis[slides]] = random.uniform(*ranges.slide_force_n, len(slides))
         rate[slides] = 2.0 * np.pi * random.uniform(*ranges.slide_hz, len(slides))
         self._led_force[ids], self._rest[ids] = 0.0, hand_position
-        self._constant_force[ids], self.wave_amplitude[ids], self.wave_rate[ids] = force, amplitude, rate
+        self.constant_force[ids], self.wave_amplitude[ids], self.wave_rate[ids] = force, amplitude, rate
 
     def advance(self, hand_position: np.ndarray, hand_force: np.ndarray, dt_s: float) -> None:
         """Time passes: swinging forces move on, led robots follow (control.guidance).
@@ -121,7 +122,7 @@ class CommandSource:
         self.time_s += dt_s
         # A cosine, so that what is dragged swings about where the hand began.
         wave = np.cos(self.wave_rate * self.time_s)[:, None]
-        self.commands.force = self._constant_force + self.wave_amplitude * wave
+        self.commands.force = self.constant_force + self.wave_amplitude * wave
         led = np.flatnonzero(self.kind == LEAD)
         if led.size:
             self._follow(led, hand_position[led], hand_force[led], dt_s)

@@ -26,7 +26,7 @@ class SurroundingRanges:
     stiffness: N/m, log-uniform; at least so stiff that the force asked for stretches it by `longest_stretch_m`.
     stiff_share: of FORCE segments against `stiff` N/m that do not move, like a table.
     damping_ratio: damping over sqrt(stiffness).
-    glide_s: time in which the anchor goes to the position reference, `glide_error_m` beside it.
+    glide_s: time in which the anchor goes to where the force asked for holds the hand `glide_error_m` beside its reference.
     swing_share, swing_m, swing_hz: of anchors that swing.
     travel_m: amplitude by which the force of a SLIDE segment drags its object; gives its viscous friction.
     dry_n: its dry friction.
@@ -70,20 +70,18 @@ class Surroundings:
     ) -> None:
         self._robot, self._source, self._ranges, self._random = robot, source, ranges, random
         count = robot.count
-        self._stiffness, self._damping = np.zeros((count, 3)), np.zeros((count, 3))
-        self._viscous, self._dry, self._fence = np.zeros((count, 3)), np.zeros((count, 3)), np.zeros((count, 3))
-        self._origin, self._rotation = np.zeros((count, 3)), np.tile(np.eye(3), (count, 1, 1))
-        self._start, self._glide, self._glide_s = np.zeros((count, 3)), np.zeros((count, 3)), np.ones(count)
-        self._swing, self._swing_rate = np.zeros((count, 3)), np.zeros(count)
-        self._rides = np.zeros(count, bool)
-        self._disturbance, self._push = np.zeros((count, 3)), np.zeros((count, 3))
+        self._stiffness, self._damping, self._viscous, self._dry, self._fence = _vectors(count, 5)
+        self._origin, self._start, self._glide, self._swing, self._disturbance, self._push = _vectors(count, 6)
+        self._rotation = np.asfortranarray(np.tile(np.eye(3), (count, 1, 1)))
+        self._glide_s, self._swing_rate, self._rides = np.ones(count), np.zeros(count), np.zeros(count, bool)
         self._push_from, self._push_to = np.zeros(count), np.zeros(count)
 
     def draw(self, ids: np.ndarray) -> None:
         """New surroundings for segments that have just been drawn; springs start relaxed at the hand."""
         ranges, random, robot, source = self._ranges, self._random, self._robot, self._source
         count, mask, kind = len(ids), source.commands.mask[ids], source.kind[ids]
-        largest = np.abs(source.commands.force[ids]) + source.wave_amplitude[ids]
+        asked = source.constant_force[ids]
+        largest = np.abs(asked) + source.wave_amplitude[ids]
         low, high = np.log(ranges.stiffness)
         stiffness = np.exp(random.uniform(low, high, (count, 3)))
         stiffness = np.maximum(stiffness, largest / ranges.longest_stretch_m)
@@ -112,6 +110,8 @@ class Surroundings:
         self._rides[ids] = (np.abs(source.commands.base_velocity[ids]).sum(axis=1) > 0.0) & ~leading
         glide = source.commands.position[ids] - self._start[ids]
         glide += random.uniform(-1.0, 1.0, (count, 3)) * ranges.glide_error_m
+        # Where the force asked for holds the hand beside its reference, so within its reach.
+        glide += np.where(stiffness > 0.0, asked / np.maximum(stiffness, 1e-9), 0.0)
         glide[stiff | (kind == SLIDE)] = 0.0
         glide_s = random.uniform(*ranges.glide_s, count)
         angle = random.uniform(-np.pi, np.pi, count)
@@ -161,3 +161,7 @@ class Surroundings:
         push = (time >= self._push_from[:, None]) & (time < self._push_to[:, None])
         force += np.minimum(1.0, time / 0.5) * self._disturbance + push * self._push
         return rotate(rotation, np.clip(force, -ranges.limit_n, ranges.limit_n))
+
+
+def _vectors(count: int, number: int) -> list[np.ndarray]:
+    return [np.zeros((count, 3), order="F") for _ in range(number)]

@@ -12,7 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from control.pipeline import PipelineConfig
-from sim.benchmarks.control_trials import LeadResult, Tracking, lead, random_run, rest_drift
+from sim.benchmarks.control_trials import Tracking, Trial, random_run
+from sim.benchmarks.guidance_trials import LeadResult, lead, rest_drift
 from sim.benchmarks.report import Report, Row, argument_parser, at_least, at_most
 
 AXES = ("x", "y", "z")
@@ -107,10 +108,10 @@ def main() -> int:
     add_random_commands(report, tracking, PipelineConfig().estimator)
     results = {}
     for angle in angles:
-        results[angle] = lead(arguments.seed + angle, float(np.radians(angle)))
+        results[angle] = lead(Trial(arguments.seed + angle), float(np.radians(angle)))
         report.progress(f"lead {angle} deg: {results[angle]}")
     rest_s, rests = (5.0, 1) if arguments.quick else (20.0, 3)
-    drifts = [rest_drift(arguments.seed + index, rest_s) for index in range(rests)]
+    drifts = [rest_drift(Trial(arguments.seed + index), rest_s) for index in range(rests)]
     add_guidance(report, results, drifts)
     report.finish(arguments.json)
     if arguments.plot is not None:

@@ -6,6 +6,7 @@
 Random commands with every mask against virtual springs at +-10, +-20 and +-30 N, with noisy sensors and the real estimators:
 tracking errors, falls, power, overshoot where an axis changes to force control in motion; then pushes at the hand, wrong
 masses, and the force input replaced by truth, zero and other estimators. A case is played in pieces with seeds of their own.
+Last, how light each controller is to lead by the hand.
 """
 
 import sys
@@ -19,6 +20,7 @@ import numpy as np
 from control.controller import ControllerInput
 from control.momentum_observer import PAPER_GAINS
 from control.weights_file import WEIGHTS_DIRECTORY
+from sim.benchmarks import policy_guidance
 from sim.benchmarks.estimator import add_workers
 from sim.benchmarks.policy_trials import ControllerTrial, Errors, TrialSetup, controller_setups, random_commands
 from sim.benchmarks.report import Report, Row, argument_parser, at_most
@@ -167,7 +169,7 @@ def main() -> int:
     """Run the benchmark and report."""
     parser = argument_parser("Whole-body tracking and force regulation of every controller on the full stack.")
     parser.add_argument("--controllers", nargs="+", metavar="NAME", help="default: all there are")
-    known = [case for case, _ in cases(TrialSetup())]
+    known = [*(case for case, _ in cases(TrialSetup())), policy_guidance.CASE]
     parser.add_argument("--cases", nargs="+", metavar="CASE", choices=known, default=known, help=f"of: {', '.join(known)}")
     parser.add_argument("--weights", type=Path, default=WEIGHTS_DIRECTORY, help="folder of the policies")
     parser.add_argument("--minutes", type=float, default=60.0, help="robot-minutes of random commands; a tenth in other cases")
@@ -179,6 +181,7 @@ def main() -> int:
         parser.error(f"no controller {', '.join(sorted(unknown))}; there are {', '.join(setups)}")
     report = Report("policy", arguments.seed)
     minutes = 0.1 if arguments.quick else arguments.minutes
+    guidance: dict[str, Row] = {}
     for name in arguments.controllers or setups:
         plan = pieces(setups[name], arguments.seed, minutes, arguments.quick)
         plan = [piece for piece in plan if piece.case in arguments.cases]
@@ -193,6 +196,13 @@ def main() -> int:
         pushed = results.get(f"pushes {PUSH_N:g} N")
         if pushed is not None:
             report.bars.append(at_most(f"{name}: falls with pushes", pushed.falls, 1, "1"))
+        if policy_guidance.CASE in arguments.cases:
+            leads = policy_guidance.guide(setups[name], arguments.seed, arguments.quick, arguments.workers)
+            guidance[name] = policy_guidance.guidance_row(name, leads)
+            report.rows.append(guidance[name])
+            report.progress(f"{name}, guidance: led with at most {guidance[name]['largest_force_n']:.1f} N")
+            if "model_based" in guidance and name != "model_based":
+                report.bars += policy_guidance.guidance_bars(guidance[name], guidance["model_based"])
     report.finish(arguments.json)
     if arguments.plot is not None:
         plot(arguments.plot, report.rows)

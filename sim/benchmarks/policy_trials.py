@@ -214,6 +214,12 @@ APPROACH_S, PRESS_S, DRAG_PERIODS = 2.5, 2.0, 2
 _POINTING_DOWN = np.array([np.cos(0.5), 0.0, np.sin(0.5), 0.0])
 
 
+def lateral_force(time_s: float) -> float:
+    """Force, N, asked for sideways. The first half period has half the amplitude: so the box swings evenly about its place."""
+    amplitude = DRAG_N * (0.5 if time_s < 0.5 / DRAG_HZ else 1.0)
+    return amplitude * float(np.sin(2.0 * np.pi * DRAG_HZ * time_s))
+
+
 def drag_box(setup: TrialSetup, seed: int) -> DragResult:
     """Press on the box with 20 N and drag it by a lateral force of 8 N at 0.2 Hz (paper Sec. III.F)."""
     trial = ControllerTrial(setup, seed, scene="box")
@@ -228,10 +234,9 @@ def drag_box(setup: TrialSetup, seed: int) -> DragResult:
     pressing = replace(touching, force_n=np.array([0.0, 0.0, PRESS_N]))
     for _ in trial.run(pressing, PRESS_S):
         pass
-    rate = 2.0 * np.pi * DRAG_HZ
     errors, places, contact = [], [], []
     for step in range(round(DRAG_PERIODS / DRAG_HZ / 0.02)):
-        lateral = DRAG_N * np.cos(rate * 0.02 * step)
+        lateral = lateral_force(0.02 * step)
         command = replace(pressing, mask=np.array([0.0, 1.0, 1.0]), force_n=np.array([0.0, lateral, PRESS_N]))
         for _ in trial.run(command, 0.02):
             pass

@@ -1,7 +1,7 @@
 """Box dragging (paper Sec. IV): press on top of a box and drag it sideways by force alone.
 
 The box runs on a lateral slide with viscous friction, so a lateral force A cos(w t) should move it by +-A / (c w):
-0.21 m for 8 N at 0.2 Hz. The paper gives no mass or friction; these are chosen to meet its +-0.2 m range.
+0.2 m for 8 N at 0.2 Hz. The paper gives no mass or friction; these are chosen to meet its +-0.2 m range.
 """
 
 import mujoco
@@ -11,7 +11,7 @@ DESCRIPTION = "A box on a lateral rail: press on its top and drag it sideways"
 TOP_HEIGHT_M = 0.40
 CENTER_X_M = 0.55
 MASS_KG = 2.0
-SLIDE_DAMPING = 30.0
+SLIDE_DAMPING = 31.8
 """N s/m."""
 _HALF_LENGTH_X_M = 0.13
 _HALF_LENGTH_Y_M = 0.20

@@ -115,7 +115,7 @@ def test_box_answers_a_sine_force_with_the_amplitude_of_viscous_friction():
         travel.append(objects.position("box_slide"))
     expected = 8.0 / (omega * np.hypot(box.SLIDE_DAMPING, box.MASS_KG * omega))
     assert 0.5 * (max(travel[2500:]) - min(travel[2500:])) == pytest.approx(expected, rel=0.02)
-    assert expected == pytest.approx(0.21, abs=0.01)
+    assert expected == pytest.approx(0.2, abs=0.005)
 
 
 def test_board_pushes_back_along_its_normal_with_its_own_friction(standing):
