@@ -5,7 +5,7 @@ and box dragging can go different ways, so the reward alone does not choose.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,11 +17,15 @@ BARS = {
     "velocity_mps": 0.05,
     "yaw_rps": 0.10,
     "position_cm": 1.2,
+    "orientation_deg": 2.0,
     "force_10_n": 1.5,
     "force_20_n": 2.0,
     "box_y_n": 0.8,
     "box_z_n": 1.5,
 }
+BOX_MASS_SCALES = (0.8, 1.0, 1.2)
+"""Of the robot, one drag each: with the same mass everything rests on one draw of the sensors' errors."""
+
 FALL_COST = 1.0
 """What one fall in the score's trials adds."""
 
@@ -51,7 +55,7 @@ def settled_position_cm(errors: Errors) -> float:
 def score_controller(
     name: str, make: Callable[[RobotModel], Controller] | None, seed: int, minutes: float, estimator: str = "adaptive"
 ) -> Score:
-    """Score a controller on `minutes` of random commands and one box drag.
+    """Score a controller on `minutes` of random commands and a box drag at each mass scale.
 
     Args:
         name, make: see TrialSetup.
@@ -61,16 +65,17 @@ def score_controller(
     """
     setup = TrialSetup(controller=name, make=make, estimator=estimator)
     errors = random_commands(setup, seed, minutes)
-    box = drag_box(setup, seed)
+    boxes = [drag_box(replace(setup, mass_scale=scale), seed + index) for index, scale in enumerate(BOX_MASS_SCALES)]
     parts = {
         "velocity_mps": rms(np.array(errors.forward)),
         "yaw_rps": rms(np.array(errors.yaw)),
         "position_cm": settled_position_cm(errors),
+        "orientation_deg": float(np.degrees(rms(np.array(errors.orientation)))),
         "force_10_n": rms(errors.force_at(10.0)),
         "force_20_n": rms(errors.force_at(20.0)),
-        "box_y_n": box.error_y_n,
-        "box_z_n": box.error_z_n,
+        "box_y_n": float(np.mean([box.error_y_n for box in boxes])),
+        "box_z_n": float(np.mean([box.error_z_n for box in boxes])),
     }
     ratios = [parts[part] / bar for part, bar in BARS.items() if np.isfinite(parts[part])]
-    falls = errors.falls + (not box.kept)
+    falls = errors.falls + sum(not box.kept for box in boxes)
     return Score(float(np.mean(ratios)) + FALL_COST * falls, parts, falls)

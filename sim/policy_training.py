@@ -40,6 +40,7 @@ class PolicyTrainingConfig:
     ppo_iterations: after it.
     score_every: iterations between two scores.
     score_seed, score_minutes: trials of the score; never those of a benchmark.
+    verification_seed: of the trials that the chosen checkpoint is judged by, which had no part in choosing it.
     warm_std, scratch_std, residual_std: action noise after imitation, without it, and of corrections.
     bfloat16: compute hidden layers in bfloat16; pays on CPUs with such instructions.
     """
@@ -53,7 +54,8 @@ class PolicyTrainingConfig:
     ppo_iterations: int = 1600
     score_every: int = 160
     score_seed: int = 7000
-    score_minutes: float = 1.0
+    score_minutes: float = 2.0
+    verification_seed: int = 7500
     warm_std: float = 0.1
     scratch_std: float = 0.6
     residual_std: float = 0.06
@@ -155,35 +157,34 @@ class PolicyTraining:
             self._score()
 
     def export(self, directory: Path, command: str) -> PolicyManifest:
-        """Write the best checkpoint's weights with their manifest."""
+        """Write the best checkpoint's weights with their manifest, judged on trials that did not choose it."""
         if self.best is None:
             raise RunError(f"{self.run} has no scored checkpoint; run fit() first")
+        config = self.config
         manifest, arrays = self._candidate(self.best["parameters"])
-        score, reference = self.best["score"], self.reference
+        score = self._score_candidate(manifest, arrays, config.verification_seed)
+        reference = score_controller("model_based", None, config.verification_seed, config.score_minutes)
         training = {
             "command": command,
             "commit": commit(),
-            "seed": self.config.seed,
+            "seed": config.seed,
             "steps": self.best["steps"],
-            "config": asdict(self.config),
+            "config": asdict(config),
         }
-        metrics = {
-            "score": score,
-            "model_based_score": asdict(reference),
-            "score_seed": self.config.score_seed,
-            "score_minutes": self.config.score_minutes,
-        }
-        manifest = replace(manifest, meets_score=score["total"] <= reference.total, training=training, metrics=metrics)
+        metrics = {"score": asdict(score), "model_based_score": asdict(reference), "selection_score": self.best["score"]}
+        manifest = replace(manifest, meets_score=score.total <= reference.total, training=training, metrics=metrics)
         path = save_policy(directory, manifest, arrays)
-        logger.info("wrote %s: score %.3f, model_based %.3f", path, score["total"], reference.total)
+        logger.info("wrote %s: score %.3f, model_based %.3f", path, score.total, reference.total)
         return manifest
+
+    def _score_candidate(self, manifest: PolicyManifest, arrays: dict[str, Any], seed: int) -> Score:
+        save_policy(self.run, manifest, arrays)
+        make = partial(make_policy, self.run, manifest.name)
+        return score_controller(manifest.name, make, seed, self.config.score_minutes)
 
     def _score(self) -> None:
         parameters = {name: tensor.detach().clone() for name, tensor in self.network.state_dict().items()}
-        manifest, arrays = self._candidate(parameters)
-        save_policy(self.run, manifest, arrays)
-        make = partial(make_policy, self.run, manifest.name)
-        score = score_controller(manifest.name, make, self.config.score_seed, self.config.score_minutes)
+        score = self._score_candidate(*self._candidate(parameters), self.config.score_seed)
         self.history["score"].append({"steps": self.steps, **asdict(score)})
         self._events.add(self.steps, {"score/total": score.total, "score/falls": score.falls})
         self._events.add(self.steps, {f"score/{name}": value for name, value in score.parts.items()})
@@ -192,7 +193,7 @@ class PolicyTraining:
         if self.best is None or score.total < self.best["score"]["total"]:
             self.best = {"score": asdict(score), "steps": self.steps, "parameters": parameters}
         self._save_checkpoint()
-        save_policy_curves(self.run / "curves.png", manifest.name, self.history, self.reference.total)
+        save_policy_curves(self.run / "curves.png", self.config.name, self.history, self.reference.total)
 
     def _candidate(self, parameters: dict[str, torch.Tensor]) -> tuple[PolicyManifest, dict[str, Any]]:
         config, arrays = self.config, {}

@@ -29,12 +29,17 @@ TINY = PolicyTrainingConfig(
 
 @pytest.fixture
 def scores(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[str]]:
-    """Scores 3, 1, 2, ... for successive checkpoints, 1.5 for the model-based controller; lists what was scored."""
+    """Scores 3, 1, 2, ... for successive checkpoints, 1.5 for the model-based controller; lists what was scored.
+
+    The judgement on other trials gives the policy 1.2.
+    """
     asked: list[str] = []
     totals = iter([3.0, 1.0, 2.0, 4.0])
 
     def score(name: str, make: object, seed: int, minutes: float) -> Score:
         asked.append(name)
+        if seed == TINY.verification_seed:
+            return Score(1.5 if name == "model_based" else 1.2, {"yaw_rps": 0.1}, 0)
         return Score(1.5 if name == "model_based" else next(totals), {"yaw_rps": 0.1}, 0)
 
     monkeypatch.setattr(policy_training, "score_controller", score)
@@ -47,7 +52,8 @@ def test_run_keeps_and_exports_its_best_checkpoint(tmp_path: Path, scores: list[
     training.fit()
     assert scores.count("policy") == 3
     manifest = training.export(tmp_path / "out", "command")
-    assert manifest.metrics["score"]["total"] == 1.0
+    assert manifest.metrics["selection_score"]["total"] == 1.0
+    assert manifest.metrics["score"]["total"] == 1.2
     assert manifest.meets_score
     loaded, _ = load_policy("policy", tmp_path / "out")
     assert loaded.training["steps"] == (20 + 2) * 8
@@ -70,9 +76,13 @@ def test_checkpoint_of_another_training_is_refused(tmp_path: Path, scores: list[
         PolicyTraining(tmp_path, replace(TINY, seed=5))
 
 
-def test_a_policy_below_the_reference_does_not_meet_the_score(tmp_path: Path, scores: list[str]):
+def test_a_policy_below_the_reference_does_not_meet_the_score(
+    tmp_path: Path, scores: list[str], monkeypatch: pytest.MonkeyPatch
+):
     training = PolicyTraining(tmp_path / "run", replace(TINY, ppo_iterations=0))
     training.fit()
+    judged = {"policy": Score(1.6, {}, 0), "model_based": Score(1.5, {}, 0)}
+    monkeypatch.setattr(policy_training, "score_controller", lambda name, *_: judged[name])
     assert not training.export(tmp_path / "out", "command").meets_score
 
 
