@@ -25,8 +25,10 @@ class HardwareLimits:
     | joint beyond its end | | damp at overtravel_rad |
     | joint too fast | | damp above the velocity for velocity_s |
     | encoder unchanged for stuck_s while its torque changes by stuck_torque_nm | | damp |
-    | NaN, infinity, wrong shape in a command | | rejected, damp, latch |
+    | NaN, infinity, absurd value, wrong shape in a command | | rejected, damp, latch |
     | another writer of commands | | damp, latch |
+    | an error of the I/O process itself | | damp, latch |
+    | the robot's clock starts anew after a silence: its own program owns the motors again | | nothing more is sent, latch |
 
     Attributes:
         position_margin_rad: over this distance before a joint's end the torque towards it fades to zero.
