@@ -75,7 +75,7 @@ class LowPass:
         cosine, sine = np.cos(damped * period_s), np.sin(damped * period_s)
         self._a = decay * (cosine + z * w / damped * sine), decay * sine / damped
         self._b = -decay * w * w / damped * sine, decay * (cosine - z * w / damped * sine)
-        self.value, self.rate = np.zeros(shape), np.zeros(shape)
+        self.value, self.rate = np.zeros(shape, order="F"), np.zeros(shape, order="F")
 
     def step(self, value: np.ndarray) -> np.ndarray:
         """The filtered value after one period of `value`."""
@@ -98,13 +98,13 @@ class EstimatorSurrogate:
         self._parameters, self._random = parameters, random
         speed = parameters.natural_frequency_rps * np.exp(random.uniform(-1.0, 1.0, (count, 1)) * np.log(spread))
         self._low_pass = LowPass((count, 3), speed, parameters.damping_ratio, CONTROL_PERIOD_S)
-        self._gain = 1.0 + parameters.gain_std * random.standard_normal((count, 3))
-        self._mass_error = (mass_scale - 1.0)[:, None] * np.array(parameters.mass_bias_n)
+        self._gain = 1.0 + parameters.gain_std * random.standard_normal((3, count)).T
+        self._mass_error = np.multiply((mass_scale - 1.0)[:, None], parameters.mass_bias_n, order="F")
         # Some robots have less of the motion-dependent error than the fit, some more: nobody may rely on its sign.
-        self._motion = np.array(parameters.motion_n) * random.uniform(0.0, 2.0, (count, 1, 1))
-        self._bias, self._noise = np.zeros((count, 3)), np.zeros((count, 3))
-        self._last_motion = np.zeros((count, 2))
-        self.force = np.zeros((count, 3))
+        self._motion = np.asfortranarray(np.array(parameters.motion_n) * random.uniform(0.0, 2.0, (count, 1, 1)))
+        self._bias, self._noise = np.zeros((count, 3), order="F"), np.zeros((count, 3), order="F")
+        self._last_motion = np.zeros((count, 2), order="F")
+        self.force = np.zeros((count, 3), order="F")
 
     def reset(self, ids: np.ndarray) -> None:
         """Start from no force, with a new bias."""
@@ -116,9 +116,9 @@ class EstimatorSurrogate:
         """One control period under a true force (n, 3) N; `velocity` (n, 2): forward m/s and yaw rad/s."""
         parameters, memory = self._parameters, self._parameters.noise_memory
         acceleration = (velocity - self._last_motion) / CONTROL_PERIOD_S
-        self._last_motion = velocity.copy()
+        self._last_motion = velocity.copy(order="K")
         motion = np.concatenate([velocity, np.clip(acceleration, -6.0, 6.0)], axis=1)
-        fresh = self._random.standard_normal(self._noise.shape) * parameters.noise_std_n
+        fresh = self._random.standard_normal(self._noise.T.shape).T * parameters.noise_std_n
         self._noise = memory * self._noise + np.sqrt(1.0 - memory * memory) * fresh
         known = self._gain * self._low_pass.step(force) + self._bias + self._mass_error
         self.force = known + np.einsum("ndk,nk->nd", self._motion, motion) + self._noise

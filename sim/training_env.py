@@ -205,7 +205,7 @@ class TrainingEnv:
     def _advance_references(self) -> None:
         robot, noise = self.robot, self.config.noise
         forward = rotate_back(robot.rotation_heading_to_world, robot.base_linear_velocity)
-        self.estimator.step(self._hand_force, np.stack([forward[:, 0], robot.base_angular_velocity[:, 2]], axis=1))
+        self.estimator.step(self._hand_force, np.stack([forward[:, 0], robot.base_angular_velocity[:, 2]]).T)
         self._hand = self._measured_hand() + self._noise(noise.hand_position_m, 3, self.config.count)
         self.source.advance(self._hand, self.estimator.force, CONTROL_PERIOD_S)
         self.references.step(self.source.commands, self._hand, self.estimator.force, CONTROL_PERIOD_S)
@@ -270,7 +270,7 @@ class TrainingEnv:
             arm,
             self.surroundings.stiffness_of_force_axes() * 0.002,
         ]
-        return np.clip(np.concatenate(parts, axis=1), -8.0, 8.0).astype(np.float32, order="C")
+        return np.clip(np.concatenate(parts, axis=1, dtype=np.float32, casting="same_kind"), -8.0, 8.0)
 
     def _judge(self, action_change: np.ndarray) -> RewardInput:
         robot, references = self.robot, self.references

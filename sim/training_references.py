@@ -15,10 +15,10 @@ class BatchedReferences:
 
     def __init__(self, count: int, limits: CommandLimits) -> None:
         self._limits = limits
-        self.mask, self.force, self.position = np.zeros((count, 3)), np.zeros((count, 3)), np.zeros((count, 3))
-        self.base_velocity = np.zeros((count, 3))
-        self.orientation = np.tile([1.0, 0.0, 0.0, 0.0], (count, 1))
-        self._velocity = np.zeros((count, 3))
+        self.mask, self.force, self.position = (np.zeros((count, 3), order="F") for _ in range(3))
+        self.base_velocity = np.zeros((count, 3), order="F")
+        self.orientation = np.asfortranarray(np.tile([1.0, 0.0, 0.0, 0.0], (count, 1)))
+        self._velocity = np.zeros((count, 3), order="F")
         self._turn_rate = np.zeros((count, 1))
 
     def reset(self, ids: np.ndarray, hand_position: np.ndarray, hand_orientation: np.ndarray) -> None:
@@ -44,7 +44,7 @@ class BatchedReferences:
         self._move(command.position, on_force, hand_position, dt_s)
         self._turn(command.orientation, dt_s)
         self.base_velocity = _approach(self.base_velocity, command.base_velocity, np.array(limits.velocity_acceleration) * dt_s)
-        self.mask = command.mask.copy()
+        self.mask = command.mask.copy(order="F")
 
     def _move(self, target: np.ndarray, on_force: np.ndarray, measured: np.ndarray, dt_s: float) -> None:
         acceleration = self._limits.position_acceleration_mps2
@@ -76,9 +76,9 @@ class Commands:
     """Commands as asked: mask, force, position, base_velocity (n, 3) and orientation (n, 4) wxyz, in heading."""
 
     def __init__(self, count: int) -> None:
-        self.mask, self.force, self.position = np.zeros((count, 3)), np.zeros((count, 3)), np.zeros((count, 3))
-        self.base_velocity = np.zeros((count, 3))
-        self.orientation = np.tile([1.0, 0.0, 0.0, 0.0], (count, 1))
+        self.mask, self.force, self.position = (np.zeros((count, 3), order="F") for _ in range(3))
+        self.base_velocity = np.zeros((count, 3), order="F")
+        self.orientation = np.asfortranarray(np.tile([1.0, 0.0, 0.0, 0.0], (count, 1)))
 
 
 def _braking_speed(distance: np.ndarray, limit: float, acceleration: float, dt_s: float) -> np.ndarray:

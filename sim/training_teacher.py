@@ -60,7 +60,9 @@ class BatchedTeacher:
         self._leg_rad_per_shift = _leg_rad_per_shift()
         model = robot.model
         self._masses, self._total_mass = robot.nominal_masses, robot.nominal_masses.sum()
-        self._carried_masses = self._carried(model) * self._masses
+        carries = self._carried(model)
+        self._carried_masses = carries * self._masses
+        self._arm_carries = carries[ARM_SLICE][:, robot.arm_bodies]
         self._armature = model.dof_armature[model.jnt_dofadr[robot.joint_ids[ARM_SLICE]]]
         wheels = robot.joint_ids[WHEEL_SLICE]
         # The model's dry friction, which the training model leaves out, is part of the controller's compensation.
@@ -71,7 +73,7 @@ class BatchedTeacher:
         self._lower, self._upper = ranges[:, 0] + margin, ranges[:, 1] - margin
         self._traction = np.zeros(robot.count)
         self._relief = np.ones(robot.count)
-        self._shift, self._shift_velocity = np.zeros((robot.count, 2)), np.zeros((robot.count, 2))
+        self._shift, self._shift_velocity = (np.zeros((robot.count, 2), order="F") for _ in range(2))
         self._held_shift = np.zeros(robot.count)
 
     def reset(self, ids: np.ndarray) -> None:
@@ -84,7 +86,7 @@ class BatchedTeacher:
     def targets(self, signals: TaskSignals, memory: TaskMemory) -> np.ndarray:
         """Joint targets (n, 22), see control.controller."""
         gravity = self._gravity_torque()
-        targets = np.empty((self._robot.count, JOINT_COUNT))
+        targets = np.empty((self._robot.count, JOINT_COUNT), order="F")
         targets[:, LEG_SLICE], wheel_torque, support = self._leg_targets(signals, gravity)
         targets[:, WHEEL_SLICE] = self._wheel_targets(signals, memory, wheel_torque, support)
         targets[:, ARM_SLICE] = self._arm_targets(signals, memory, gravity[:, ARM_SLICE])
@@ -245,16 +247,15 @@ class BatchedTeacher:
         origin = robot.anchors[:, ARM_SLICE.start, None]
         axes, anchors = robot.axes[:, ARM_SLICE], robot.anchors[:, ARM_SLICE] - origin
         centers, rotations = robot.body_positions[:, bodies] - origin, robot.arm_inertial_rotations
-        # The tool is rigid on the last link.
-        links = [*range(len(bodies) - 1), len(bodies) - 2]
         turning = axes * acceleration[:, :, None]
-        angular = np.cumsum(turning, axis=1)[:, links]
-        linear = cross(angular, centers) - np.cumsum(cross(turning, anchors), axis=1)[:, links]
+        # Sums over the joints that carry a body.
+        angular, shift = ((self._arm_carries.T @ each.T).T for each in (turning, cross(turning, anchors)))
+        linear = cross(angular, centers) - shift
         force = self._masses[bodies][:, None] * linear
         principal = self._robot.nominal_inertias[bodies] * np.einsum("nbij,nbi->nbj", rotations, angular)
         moment = np.einsum("nbij,nbj->nbi", rotations, principal) + cross(centers, force)
-        # A joint carries its link and everything after it.
-        force, moment = (np.cumsum(each[:, ::-1], axis=1)[:, :0:-1] for each in (force, moment))
+        # Sums over the bodies that a joint carries.
+        force, moment = ((self._arm_carries @ each.T).T for each in (force, moment))
         torque = np.einsum("nkd,nkd->nk", axes, moment - cross(anchors, force))
         return torque + self._armature * acceleration
 
