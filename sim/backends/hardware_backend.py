@@ -9,7 +9,6 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
-from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +20,7 @@ from sim.backends.hardware.remote import ALIVE_S, HardwareRemote
 from sim.backends.hardware.states import DriveState, Request, Trip
 from sim.backends.hardware.status import HardwareStatus, status_from_record
 from sim.backends.protocol import BackendError, Capabilities
-from sim.backends.unitree.dds import INSTALL_HINT
+from sim.backends.unitree.dds import dds_unavailable_because
 
 HONESTY = "protocol-verified, not robot-verified"
 _ROOT = Path(__file__).resolve().parents[2]
@@ -36,7 +35,7 @@ def unavailable_because() -> str | None:
     """Why the hardware backend cannot be used on this machine, None when it can."""
     if sys.platform != "linux":
         return "the hardware backend needs Linux (shared memory, process signals)"
-    return None if find_spec("cyclonedds") is not None else INSTALL_HINT
+    return dds_unavailable_because()
 
 
 class HardwareBackend:

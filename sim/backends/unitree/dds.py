@@ -8,6 +8,7 @@ Do not fork a process that holds a participant: its threads do not survive the f
 
 import re
 from dataclasses import dataclass
+from importlib import metadata
 from typing import Any
 
 from sim.backends.protocol import BackendError
@@ -19,7 +20,8 @@ LOOPBACK = "lo"
 DEPTH = 16
 """Samples kept for a reader that is late; newer ones push out older ones."""
 
-INSTALL_HINT = "the hardware backend needs cyclonedds 11.0.1: pip install 'forcelens[hardware]'"
+VERSION = "11.0.1"
+INSTALL_HINT = f"the hardware backend needs cyclonedds {VERSION}: pip install 'forcelens[hardware]'"
 
 
 class RobotNetworkError(BackendError):
@@ -72,6 +74,18 @@ class DdsConfig:
         return f'<CycloneDDS><Domain Id="any">{general}{discovery}</Domain></CycloneDDS>'
 
 
+def dds_unavailable_because() -> str | None:
+    """Why DDS cannot be used here, None when it can.
+
+    Another version may hash the types differently, which kills processes on the robot (sim.backends.unitree.idl).
+    """
+    try:
+        installed = metadata.version("cyclonedds")
+    except metadata.PackageNotFoundError:
+        return INSTALL_HINT
+    return None if installed == VERSION else f"{INSTALL_HINT} (found {installed})"
+
+
 _domains: dict[int, tuple[str, Any]] = {}
 
 
@@ -79,14 +93,15 @@ def _participant(config: DdsConfig) -> Any:
     """A participant on the configured network. A process configures each domain once.
 
     Raises:
-        BackendError: cyclonedds is missing, the interface does not exist, or this process already uses the domain with
-            another configuration.
+        BackendError: cyclonedds is missing or of another version, the interface does not exist, or this process already uses
+            the domain with another configuration.
     """
-    try:
-        from cyclonedds.core import DDSException
-        from cyclonedds.domain import Domain, DomainParticipant
-    except ImportError as error:
-        raise BackendError(INSTALL_HINT) from error
+    reason = dds_unavailable_because()
+    if reason is not None:
+        raise BackendError(reason)
+    from cyclonedds.core import DDSException
+    from cyclonedds.domain import Domain, DomainParticipant
+
     xml, _ = _domains.get(config.domain, (config.xml, None))
     if xml != config.xml:
         raise BackendError(f"this process already uses DDS domain {config.domain} with another configuration")

@@ -18,6 +18,7 @@ from control.joints import DAMPING, NOMINAL_POSITION, STIFFNESS
 from control.types import JointCommand
 from sim.backends.hardware.limits import HardwareLimits
 from sim.backends.hardware.robot import Robot
+from sim.backends.hardware_backend import unavailable_because
 from sim.backends.protocol import BackendError
 from sim.backends.unitree.dds import DdsBaseLink, DdsConfig, RobotNetworkError
 from sim.backends.unitree.mode_release import ModeRelease
@@ -122,6 +123,14 @@ def test_a_robots_network_needs_consent(options: dict[str, object]) -> None:
 def test_nonsense_networks_are_refused(options: dict[str, object]) -> None:
     with pytest.raises(ValueError):
         DdsConfig(**options)  # type: ignore[arg-type]
+
+
+def test_another_version_of_the_library_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert unavailable_because() is None
+    monkeypatch.setattr("sim.backends.unitree.dds.metadata.version", lambda name: "0.10.5")
+    assert "needs cyclonedds 11.0.1" in str(unavailable_because()) and "found 0.10.5" in str(unavailable_because())
+    with pytest.raises(BackendError, match="pip install"):
+        DdsBaseLink(DdsConfig(DOMAIN))
 
 
 def test_an_interface_that_does_not_exist_is_named() -> None:
