@@ -38,12 +38,12 @@ class RewardScales:
     orientation_rad: float = 1.5
     position_fine: float = 0.8
     position_fine_m: float = 0.025
-    orientation_fine: float = 0.2
-    orientation_fine_rad: float = 0.15
+    orientation_fine: float = 0.5
+    orientation_fine_rad: float = 0.1
     force: float = 1.0
     force_n2: float = 60.0
     force_fine: float = 0.8
-    force_fine_n2: float = 6.0
+    force_fine_n2: float = 4.0
     heave: float = 1.0
     rocking: float = 0.05
     tilt: float = 4.0
