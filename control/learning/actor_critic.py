@@ -7,6 +7,9 @@ import torch
 from torch import nn
 
 HIDDEN = (512, 256, 128)
+CRITIC_HIDDEN = (256, 128)
+"""Of the critic. One of the actor's size takes three times as long and explains the returns no sooner."""
+
 VALUE_HEADS = 2
 _LOG_SQRT_TWO_PI = 0.5 * math.log(2.0 * math.pi)
 
@@ -56,6 +59,7 @@ class ActorCritic(nn.Module):
         std: float,
         bfloat16: bool,
         hidden: tuple[int, ...] = HIDDEN,
+        critic_hidden: tuple[int, ...] = CRITIC_HIDDEN,
     ) -> None:
         """`std`: initial standard deviation of actions. `bfloat16`: hidden layers of the critic compute in bfloat16, and so
         do the actor's for imitation. For PPO the actor computes in float32, only its gradients in bfloat16: rounding moves
@@ -64,8 +68,8 @@ class ActorCritic(nn.Module):
         super().__init__()
         self.actor_trunk = mlp(observation, hidden, RoundedGradientLinear if bfloat16 else nn.Linear)
         self.actor_head = nn.Linear(hidden[-1], actions)
-        self.critic_trunk = mlp(observation + privileged, hidden)
-        self.critic_heads = nn.Linear(hidden[-1], VALUE_HEADS)
+        self.critic_trunk = mlp(observation + privileged, critic_hidden)
+        self.critic_heads = nn.Linear(critic_hidden[-1], VALUE_HEADS)
         self.log_std = nn.Parameter(torch.full((actions,), math.log(std)))
         self._bfloat16 = bfloat16
         with torch.no_grad():
