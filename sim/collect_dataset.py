@@ -146,7 +146,7 @@ def main(arguments: list[str] | None = None) -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--output", type=Path, required=True, help="folder of the data set")
-    parser.add_argument("--rollouts", type=int, default=400, help="of all splits together: 80 %% train, 10 %% each the others")
+    parser.add_argument("--rollouts", type=int, default=400, help="of all splits together, see sim.rollout_plans")
     parser.add_argument("--seed", type=int, default=1, help="of everything random")
     parser.add_argument("--duration", type=float, default=20.0, help="seconds per rollout")
     parser.add_argument("--executor", choices=EXECUTOR_NAMES, default="local")
