@@ -173,7 +173,7 @@ class BatchedRobot:
 
     def step(self, refresh: bool) -> None:
         """Advance TIMESTEP_S. Without `refresh` only base and joint states and a first-order hand position are current."""
-        self.batch.step(nstep=1)
+        self.batch.step()
         if refresh:
             # Before kinematics, which leave other robots' forces there.
             torque = np.clip(_gather(self._actuator_force, self._actuators), -TORQUE_LIMIT, TORQUE_LIMIT)

@@ -3,12 +3,14 @@
     python -m sim.benchmarks.training [--quick] [--count N] [--json PATH]
 
 CPU time of one thread, so that other work on the machine counts less; the bars are ratios to bare `mujoco.batch`. Turns of
-the three alternate on the same robots, which a policy of the residual form keeps standing and driving.
+the three alternate on the same robots, which a policy of the residual form keeps standing and driving. The bare turn repeats
+the physics steps of an environment turn, from the same states and alone: what a step costs depends on what the robots do.
 """
 
 import sys
 import time
 from collections.abc import Callable
+from unittest.mock import patch
 
 import numpy as np
 import torch
@@ -19,7 +21,6 @@ from control.learning.ppo import Ppo, PpoConfig
 from sim.benchmarks.report import Report, Row, argument_parser, at_least
 from sim.policy_training import PolicyTrainingConfig
 from sim.training_env import PRIVILEGED_SIZE, TrainingEnv, TrainingEnvConfig
-from sim.training_robot import SUBSTEPS
 
 
 def measure(count: int, seed: int, turns: int) -> Row:
@@ -33,10 +34,6 @@ def measure(count: int, seed: int, turns: int) -> Row:
     horizon = learner.config.horizon
     nothing = np.zeros((count, JOINT_COUNT))
 
-    def bare() -> None:
-        for _ in range(horizon * SUBSTEPS):
-            env.robot.batch.step(nstep=1)
-
     def environment() -> None:
         for _ in range(horizon):
             env.step(nothing)
@@ -44,14 +41,29 @@ def measure(count: int, seed: int, turns: int) -> Row:
     def ppo() -> None:
         learner.iterate(env)
 
-    runs: dict[str, Callable[[], None]] = {"bare": bare, "environment": environment, "ppo": ppo}
-    seconds = dict.fromkeys(runs, 0.0)
+    def bare() -> float:
+        """CPU seconds of the physics of one environment turn."""
+        batch, states = env.robot.batch, []
+        step = batch.step
+
+        def noted() -> None:
+            states.append(batch.state.copy())
+            step()
+
+        with patch.object(batch, "step", noted):
+            environment()
+        end, spent = batch.state.copy(), 0.0
+        for state in states:
+            batch.state[:] = state
+            spent += _cpu_seconds(step)
+        batch.state[:] = end
+        return spent
+
+    seconds = {"bare": 0.0, "environment": 0.0, "ppo": 0.0}
     for turn in range(turns + 1):
-        for name, run in runs.items():
-            start = time.process_time()
-            run()
-            # The first turn warms up.
-            seconds[name] += (turn > 0) * (time.process_time() - start)
+        spent = {"bare": bare(), "environment": _cpu_seconds(environment), "ppo": _cpu_seconds(ppo)}
+        if turn > 0:  # The first turn warms up.
+            seconds = {name: seconds[name] + spent[name] for name in seconds}
     rates = {name: turns * horizon * count / spent for name, spent in seconds.items()}
     return {
         "count": count,
@@ -59,6 +71,12 @@ def measure(count: int, seed: int, turns: int) -> Row:
         "environment_share": rates["environment"] / rates["bare"],
         "ppo_share": rates["ppo"] / rates["bare"],
     }
+
+
+def _cpu_seconds(work: Callable[[], None]) -> float:
+    start = time.process_time()
+    work()
+    return time.process_time() - start
 
 
 def main() -> int:
