@@ -52,7 +52,7 @@ class Tick:
 
 def rollout_pipeline() -> Pipeline:
     """The pipeline that drives every rollout."""
-    return Pipeline(PipelineConfig(estimator="adaptive", estimators=EstimatorsConfig(weights=None)))
+    return Pipeline(PipelineConfig(controller="model_based", estimator="adaptive", estimators=EstimatorsConfig(weights=None)))
 
 
 def drive(

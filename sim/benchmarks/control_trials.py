@@ -11,7 +11,7 @@ import numpy as np
 from control.command import DEFAULT_COMMAND
 from control.frames import quaternion_from_rotation
 from control.joints import ARM_SLICE, NOMINAL_BASE_HEIGHT_M, NOMINAL_POSITION
-from control.pipeline import CONTROL_DECIMATION, TICK_S
+from control.pipeline import CONTROL_DECIMATION, TICK_S, PipelineConfig
 from control.robot_model import RobotModel
 from control.types import Command
 from sim.backends.protocol import GroundTruth
@@ -133,7 +133,7 @@ class Trial:
     """A session with the conveniences of a trial: run, look at truth, put a wrench on."""
 
     def __init__(self, seed: int, settle_s: float = 1.0) -> None:
-        self.session = Session(SessionConfig(seed=seed))
+        self.session = Session(SessionConfig(seed=seed, pipeline=PipelineConfig(controller="model_based")))
         for _ in self.run(DEFAULT_COMMAND, settle_s):
             pass
 
