@@ -70,19 +70,19 @@ GROUPS = {
 PAPER_GROUPS = ("joint_position", "joint_velocity", "joint_torque", "orientation", "angular_velocity", "gait_phase", "mode")
 """Eq. (13): x_dyn, x_base, x_gait, x_mode."""
 
-HYBRID_RELATIVE_GROUPS = (
-    "nominal_force",
-    "nominal_residual",
-    "nominal_unexplained",
-    "joint_torque",
-    "linear_acceleration",
-)
-HYBRID_GROUPS = (*HYBRID_RELATIVE_GROUPS, "nominal_force_length", "joint_velocity", "angular_velocity")
-"""Ours: the observer's residual and what the projection made of it, beside the motion that causes its errors.
+HYBRID_INCREMENT_GROUPS = ("nominal_force", "nominal_unexplained")
+HYBRID_GROUPS = (*HYBRID_INCREMENT_GROUPS, "nominal_force_length")
+"""Ours: what the projection made of the observer's residual, and what it left.
 
-The relative ones count from the newest step. Their levels tell one robot from another, by its masses, offsets and torque
-constants; a network that sees levels learns the errors of the robots in its training set and worsens the estimate on others.
+The first two are seen as changes from one step to the next. Their levels tell one robot from another, by its masses, offsets
+and torque constants: a network that sees levels learns the errors of the robots in its training set and worsens the estimate
+on others. And noise, which a network can take out, is large among changes while it vanishes beside a force of 20 N.
 """
+
+
+SIGMA_GROUPS = ("nominal_mass_scale",)
+"""What scales a network's standard deviation besides: a heavier robot has larger errors. The force must not depend on it, since
+the level of a mass tells robots apart."""
 
 
 def feature_names(groups: tuple[str, ...]) -> tuple[str, ...]:
@@ -102,6 +102,6 @@ def features(groups: tuple[str, ...], signals: Signals) -> np.ndarray:
     return np.concatenate([GROUPS[group].extract(signals) for group in groups], axis=-1)
 
 
-def relative_columns(groups: tuple[str, ...], relative_groups: tuple[str, ...]) -> np.ndarray:
-    """(features,) 1 where a feature of `groups` belongs to one of `relative_groups`, else 0."""
-    return np.concatenate([np.full(len(GROUPS[group].names), float(group in relative_groups)) for group in groups])
+def increment_columns(groups: tuple[str, ...], increment_groups: tuple[str, ...]) -> np.ndarray:
+    """(features,) 1 where a feature of `groups` belongs to one of `increment_groups`, else 0."""
+    return np.concatenate([np.full(len(GROUPS[group].names), float(group in increment_groups)) for group in groups])

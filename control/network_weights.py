@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from control.force_features import SIGMA_GROUPS, feature_names, features, increment_columns
 from control.force_features import Signals as Signals
-from control.force_features import feature_names, features, relative_columns
 from control.residual_tcn import ResidualTcn, TcnShape
 from control.weights_file import WEIGHTS_DIRECTORY, load_arrays, save_weights, sha256
 
@@ -43,7 +43,7 @@ class NetworkManifest:
         name: of the estimator that uses it.
         nominal: estimator whose force the network corrects; None where it gives the whole force.
         feature_groups, feature_names: inputs, see control.force_features.
-        relative_groups: groups whose features count from the newest step of the window.
+        increment_groups: groups whose features are changes from the step before.
         shape: of the network.
         period_s: time between two steps.
         output_scale_n: N per unit of the network's force output.
@@ -51,6 +51,7 @@ class NetworkManifest:
         output_noise_n: noise of the output, 0 to trust it all: an output c is shrunk by c^2 / (c^2 + noise^2), Wiener's gain,
             so that nothing is added where there is nothing to correct.
         sigma_scale: (3,) calibration of the standard deviation on the validation set; None where none is given.
+        sigma_slopes: change of the standard deviation's logarithm with each feature of SIGMA_GROUPS, from the same calibration.
         sha256: of the npz file.
         training: command, commit, dataset, seed.
         metrics: measured on the validation set.
@@ -59,7 +60,7 @@ class NetworkManifest:
     name: str
     nominal: str | None
     feature_groups: tuple[str, ...]
-    relative_groups: tuple[str, ...]
+    increment_groups: tuple[str, ...]
     feature_names: tuple[str, ...]
     shape: TcnShape
     period_s: float
@@ -67,6 +68,7 @@ class NetworkManifest:
     output_limit_n: tuple[float, float, float]
     output_noise_n: float
     sigma_scale: tuple[float, float, float] | None
+    sigma_slopes: tuple[float, ...] = ()
     sha256: str = ""
     training: dict[str, Any] = field(default_factory=dict)
     metrics: dict[str, Any] = field(default_factory=dict)
@@ -91,13 +93,13 @@ class ForceNetwork:
                 raise ValueError(f"array {name!r} of shape ({manifest.shape.inputs},) is missing")
         self._mean = arrays["feature_mean"].astype(float)
         self._inverse_std = 1.0 / arrays["feature_std"].astype(float)
-        self._relative = relative_columns(manifest.feature_groups, manifest.relative_groups)
+        self._increments = increment_columns(manifest.feature_groups, manifest.increment_groups)
         self._window = np.zeros((manifest.shape.history, manifest.shape.inputs))
         self.reset()
 
     def reset(self) -> None:
         """Forget the window."""
-        self._empty = True
+        self._before: np.ndarray | None = None
 
     def step(self, signals: Signals) -> tuple[np.ndarray, np.ndarray | None]:
         """Take in one step and evaluate.
@@ -110,20 +112,24 @@ class ForceNetwork:
             (3,) N, or None.
         """
         newest = features(self.manifest.feature_groups, signals)
-        if self._empty:
-            self._window[:] = newest
-            self._empty = False
-        else:
-            self._window[:-1] = self._window[1:]
-            self._window[-1] = newest
-        normalized = (self._window - (self._mean + self._relative * newest)) * self._inverse_std
+        before = newest if self._before is None else self._before
+        normalized = (newest - self._increments * before - self._mean) * self._inverse_std
         np.minimum(normalized, NORMALIZED_LIMIT, out=normalized)
         np.maximum(normalized, -NORMALIZED_LIMIT, out=normalized)
-        return scale_output(self._tcn.predict(normalized), self.manifest)
+        if self._before is None:
+            self._window[:] = normalized
+        else:
+            self._window[:-1] = self._window[1:]
+            self._window[-1] = normalized
+        self._before = newest
+        return scale_output(self._tcn.predict(self._window), features(SIGMA_GROUPS, signals), self.manifest)
 
 
-def scale_output(raw: np.ndarray, manifest: NetworkManifest) -> tuple[np.ndarray, np.ndarray | None]:
-    """Force (..., 3) N and standard deviation (..., 3) N, or None, of the network's raw output (..., outputs)."""
+def scale_output(raw: np.ndarray, drivers: np.ndarray, manifest: NetworkManifest) -> tuple[np.ndarray, np.ndarray | None]:
+    """Force (..., 3) N and standard deviation (..., 3) N, or None, of the network's raw output (..., outputs).
+
+    `drivers`: (..., n) features of SIGMA_GROUPS.
+    """
     scale, limit = manifest.output_scale_n, np.array(manifest.output_limit_n)
     force = np.minimum(np.maximum(scale * raw[..., :3].astype(float), -limit), limit)
     if manifest.output_noise_n > 0.0:
@@ -132,8 +138,10 @@ def scale_output(raw: np.ndarray, manifest: NetworkManifest) -> tuple[np.ndarray
     if manifest.sigma_scale is None:
         return force, None
     low, high = LOG_VARIANCE_RANGE
-    log_variance = np.minimum(np.maximum(raw[..., 3:].astype(float), low), high)
-    return force, scale * np.array(manifest.sigma_scale) * np.exp(0.5 * log_variance)
+    log_sigma = 0.5 * np.minimum(np.maximum(raw[..., 3:].astype(float), low), high)
+    if manifest.sigma_slopes:
+        log_sigma += (drivers @ np.array(manifest.sigma_slopes))[..., None]
+    return force, scale * np.array(manifest.sigma_scale) * np.exp(log_sigma)
 
 
 def save_network(directory: Path, manifest: NetworkManifest, arrays: dict[str, np.ndarray]) -> Path:
@@ -177,7 +185,7 @@ def _read_manifest(content: dict[str, Any]) -> NetworkManifest:
         raise ValueError(f"schema {schema}, this code reads {SCHEMA}")
     shape = dict(content.pop("shape"))
     shape["dilations"] = tuple(shape["dilations"])
-    for name in ("feature_groups", "relative_groups", "feature_names", "output_limit_n", "sigma_scale"):
+    for name in ("feature_groups", "increment_groups", "feature_names", "output_limit_n", "sigma_scale", "sigma_slopes"):
         if content[name] is not None:
             content[name] = tuple(content[name])
     return NetworkManifest(shape=TcnShape(**shape), **content)

@@ -1,18 +1,16 @@
-"""Error of a force network on whole rollouts, and the calibration of its standard deviation."""
+"""Error of a force network on whole rollouts, alone and by kind of rollout."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import torch
 
+from control.force_features import SIGMA_GROUPS, features
 from control.learning.rollout_data import SETTLE_STEPS, Rollout
 from control.learning.targets import TrainingTarget
 from control.learning.windows import WindowSet
 from control.network_weights import NetworkManifest, scale_output
-
-COVERAGE = 0.9545
-"""Share of a normal distribution within two standard deviations."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,11 +21,13 @@ class Prediction:
         error: (T, 3) N, estimate minus truth.
         nominal_error: (T, 3) N, of the nominal estimate alone; None where the network uses none.
         sigma: (T, 3) N, or None.
+        drivers: (T, n) features of SIGMA_GROUPS.
     """
 
     error: np.ndarray
     nominal_error: np.ndarray | None
     sigma: np.ndarray | None
+    drivers: np.ndarray
 
 
 def vector_rmse(error: np.ndarray) -> float:
@@ -49,7 +49,8 @@ def predict(
     predictions = []
     for index, rollout in enumerate(rollouts):
         inputs, _, _ = windows.windows(torch.full_like(steps, index), steps)
-        force, sigma = scale_output(module(inputs).numpy(), manifest)
+        drivers = features(SIGMA_GROUPS, rollout.signals(target.features_from))[steps].astype(float)
+        force, sigma = scale_output(module(inputs).numpy(), drivers, manifest)
         truth = rollout.force_true[steps]
         nominal_error = None
         error = force - truth
@@ -57,46 +58,52 @@ def predict(
             nominal = rollout.arrays[f"{target.nominal}.force"][steps]
             nominal_error = nominal - truth
             error = error + nominal
-        predictions.append(Prediction(error, nominal_error, sigma))
+        predictions.append(Prediction(error, nominal_error, sigma, drivers))
     return predictions
 
 
-def mean_rmse(predictions: list[Prediction]) -> float:
-    """Mean over rollouts of the vector RMSE, N."""
-    return float(np.mean([vector_rmse(p.error) for p in predictions]))
+def typical_rmse(errors: Sequence[np.ndarray]) -> float:
+    """Geometric mean over rollouts of the vector RMSE, N: a percent counts as much under a calm force as under a wild one."""
+    return float(np.exp(np.mean([np.log(vector_rmse(error)) for error in errors])))
 
 
-def calibration_scale(predictions: list[Prediction]) -> tuple[float, float, float]:
-    """Factor on sigma per axis that puts `COVERAGE` of the errors within two standard deviations.
-
-    Raises:
-        ValueError: a prediction has no sigma.
-    """
-    ratios = []
-    for prediction in predictions:
-        if prediction.sigma is None:
-            raise ValueError("calibration needs predictions with sigma; train with the Gaussian likelihood")
-        ratios.append(np.abs(prediction.error) / prediction.sigma)
-    x, y, z = np.quantile(np.concatenate(ratios), COVERAGE, axis=0) / 2.0
-    return float(x), float(y), float(z)
-
-
-def cells(rollouts: list[Rollout], predictions: list[Prediction]) -> dict[str, dict[str, float]]:
-    """Metrics by kind of rollout ("hold 0.8", "sine per-link", ...): mean RMSE with and without the network, coverage."""
+def by_cell(rollouts: list[Rollout], predictions: list[Prediction]) -> dict[str, list[Prediction]]:
+    """Predictions by kind of rollout: "hold 0.8", "sine per-link", ..."""
     groups: dict[str, list[Prediction]] = {}
     for rollout, prediction in zip(rollouts, predictions, strict=True):
         info = rollout.info
         kind = "per-link" if info["per_link"] else f"{info['mass_scale']:.1f}"
         groups.setdefault(f"{info['profile']} {kind}", []).append(prediction)
-    return {name: _metrics(group) for name, group in sorted(groups.items())}
+    return dict(sorted(groups.items()))
+
+
+def cell_metrics(rollouts: list[Rollout], predictions: list[Prediction]) -> dict[str, dict[str, float]]:
+    """Metrics by kind of rollout: mean RMSE with and without the network, coverage."""
+    return {name: _metrics(group) for name, group in by_cell(rollouts, predictions).items()}
+
+
+def relative_error(predictions: list[Prediction]) -> float:
+    """Mean vector RMSE over that of the nominal estimate.
+
+    Raises:
+        ValueError: a prediction corrects no nominal estimate.
+    """
+    nominal = [p.nominal_error for p in predictions if p.nominal_error is not None]
+    if len(nominal) != len(predictions):
+        raise ValueError("only a network that corrects a nominal estimate can be compared with it")
+    return _mean_rmse([p.error for p in predictions]) / _mean_rmse(nominal)
 
 
 def _metrics(group: list[Prediction]) -> dict[str, float]:
-    metrics = {"rollouts": float(len(group)), "rmse_vector_n": round(mean_rmse(group), 3)}
+    metrics = {"rollouts": float(len(group)), "rmse_vector_n": round(_mean_rmse([p.error for p in group]), 4)}
     nominal = [p.nominal_error for p in group if p.nominal_error is not None]
     if nominal:
-        metrics["nominal_rmse_vector_n"] = round(float(np.mean([vector_rmse(error) for error in nominal])), 3)
+        metrics["nominal_rmse_vector_n"] = round(_mean_rmse(nominal), 4)
     within = [np.abs(p.error) <= 2.0 * p.sigma for p in group if p.sigma is not None]
     if within:
         metrics["coverage_2sigma"] = round(float(np.concatenate(within).mean()), 4)
     return metrics
+
+
+def _mean_rmse(errors: Sequence[np.ndarray]) -> float:
+    return float(np.mean([vector_rmse(error) for error in errors]))

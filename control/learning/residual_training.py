@@ -10,6 +10,7 @@ import shlex
 import subprocess
 import sys
 import time
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -19,10 +20,11 @@ import torch
 from torch import nn
 
 from control.force_features import feature_names
+from control.learning.calibration import calibrate
 from control.learning.curves import save_curves
-from control.learning.evaluation import Prediction, calibration_scale, cells, mean_rmse, predict, vector_rmse
+from control.learning.evaluation import Prediction, by_cell, cell_metrics, predict, typical_rmse
 from control.learning.losses import beta_likelihood, smooth_l1
-from control.learning.rollout_data import PERIOD_S, SETTLE_STEPS, Rollout, load_split, read_manifest
+from control.learning.rollout_data import PERIOD_S, SETTLE_STEPS, load_split, read_manifest
 from control.learning.shrinkage import choose_output_noise
 from control.learning.targets import TARGETS, TrainingTarget
 from control.learning.tcn_module import TcnModule
@@ -83,7 +85,7 @@ class ResidualTraining:
             name=target.name,
             nominal=target.nominal,
             feature_groups=target.feature_groups,
-            relative_groups=target.relative_groups,
+            increment_groups=target.increment_groups,
             feature_names=feature_names(target.feature_groups),
             shape=shape,
             period_s=PERIOD_S,
@@ -129,7 +131,7 @@ class ResidualTraining:
                 total += loss.item()
             self.losses.append(total / self.steps_per_epoch)
             self.module.eval()
-            self.validation_rmse.append(mean_rmse(self._predict(self.validation_set, self.validation, VALIDATION_STRIDE)))
+            self.validation_rmse.append(self._validation_rmse(VALIDATION_STRIDE))
             if self.validation_rmse[-1] <= min(self.validation_rmse):
                 self.best_parameters = self._parameters()
             self._save_checkpoint()
@@ -149,12 +151,14 @@ class ResidualTraining:
         self.module.load_state_dict(self.best_parameters)
         self.module.eval()
         if self.target.shrinks:
-            self.manifest = replace(self.manifest, output_noise_n=choose_output_noise(self._predict_with_noise))
+            self.manifest = replace(self.manifest, output_noise_n=choose_output_noise(self._cells_with_noise))
         if self.target.gaussian:
-            scale = calibration_scale(self._predict(self.validation_set, self.validation))
-            self.manifest = replace(self.manifest, sigma_scale=scale)
-        predictions = self._predict(self.validation_set, self.validation)
-        metrics = {"validation_rmse_vector_n": round(mean_rmse(predictions), 4), "cells": cells(self.validation, predictions)}
+            scale, slopes = calibrate(self._predict())
+            self.manifest = replace(self.manifest, sigma_scale=scale, sigma_slopes=slopes)
+        metrics = {
+            "validation_typical_rmse_n": round(self._validation_rmse(), 4),
+            "cells": cell_metrics(self.validation, self._predict()),
+        }
         dataset = read_manifest(self.data)
         training = {
             "command": command,
@@ -173,17 +177,21 @@ class ResidualTraining:
         logger.info("wrote %s", path)
         return manifest
 
-    def _predict_with_noise(self, noise_n: float) -> list[Prediction]:
+    def _cells_with_noise(self, noise_n: float) -> Iterable[list[Prediction]]:
         manifest = replace(self.manifest, output_noise_n=noise_n)
-        return predict(self.module, self.validation_set, self.validation, self.target, manifest, VALIDATION_STRIDE)
+        predictions = predict(self.module, self.validation_set, self.validation, self.target, manifest)
+        return by_cell(self.validation, predictions).values()
 
-    def _predict(self, windows: WindowSet, rollouts: list[Rollout], stride: int = 1) -> list[Prediction]:
-        return predict(self.module, windows, rollouts, self.target, self.manifest, stride)
+    def _predict(self, stride: int = 1) -> list[Prediction]:
+        return predict(self.module, self.validation_set, self.validation, self.target, self.manifest, stride)
+
+    def _validation_rmse(self, stride: int = 1) -> float:
+        return typical_rmse([prediction.error for prediction in self._predict(stride)])
 
     def _nominal_rmse(self) -> float | None:
         if self.target.nominal is None:
             return None
-        return float(np.mean([vector_rmse(wanted_force(r, self.target)[SETTLE_STEPS:]) for r in self.validation]))
+        return typical_rmse([wanted_force(rollout, self.target)[SETTLE_STEPS:] for rollout in self.validation])
 
     def _parameters(self) -> dict[str, torch.Tensor]:
         return {name: tensor.detach().clone() for name, tensor in self.module.state_dict().items()}

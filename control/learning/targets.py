@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from control.force_features import HYBRID_GROUPS, HYBRID_RELATIVE_GROUPS, PAPER_GROUPS
+from control.force_features import HYBRID_GROUPS, HYBRID_INCREMENT_GROUPS, PAPER_GROUPS
 
 
 @dataclass(frozen=True, slots=True)
@@ -12,7 +12,7 @@ class TrainingTarget:
     Attributes:
         name: of the estimator.
         feature_groups: inputs.
-        relative_groups: those that count from the newest step of the window.
+        increment_groups: those that are seen as changes from the step before.
         nominal: estimator whose force it corrects, None to give the whole force.
         features_from: nominal estimator that the nominal_* features come from.
         gaussian: output mean and variance, trained by their likelihood without each rollout's bias
@@ -22,7 +22,7 @@ class TrainingTarget:
 
     name: str
     feature_groups: tuple[str, ...]
-    relative_groups: tuple[str, ...]
+    increment_groups: tuple[str, ...]
     nominal: str | None
     features_from: str
     gaussian: bool
@@ -34,7 +34,7 @@ TARGETS = {
     for target in (
         TrainingTarget("tcn", PAPER_GROUPS, (), None, "adaptive", gaussian=False),
         TrainingTarget("hybrid_paper", PAPER_GROUPS, (), "gmo_cqp", "gmo_cqp", gaussian=False),
-        TrainingTarget("hybrid", HYBRID_GROUPS, HYBRID_RELATIVE_GROUPS, "adaptive", "adaptive", gaussian=True, shrinks=True),
+        TrainingTarget("hybrid", HYBRID_GROUPS, HYBRID_INCREMENT_GROUPS, "adaptive", "adaptive", gaussian=True, shrinks=True),
     )
 }
 """`tcn` and `hybrid_paper` are the paper's (Sec. III.B): same network, loss and data; only the target differs."""

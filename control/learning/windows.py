@@ -5,19 +5,16 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
-from control.force_features import features, relative_columns
+from control.force_features import features, increment_columns
 from control.learning.rollout_bias import rollout_bias
 from control.learning.rollout_data import SETTLE_STEPS, DatasetError, Rollout
 from control.learning.targets import TrainingTarget
 from control.network_weights import NORMALIZED_LIMIT
 
-CHANGE_STEPS = 10
-"""Relative features are scaled by how much they change over this many steps, half a window."""
-
 
 @dataclass(frozen=True, slots=True)
 class Normalization:
-    """Of features, per column: (F,) mean and standard deviation, 1 for a constant column. A relative one has mean 0."""
+    """Of features, per column: (F,) mean and standard deviation, 1 for a constant column."""
 
     mean: np.ndarray
     std: np.ndarray
@@ -25,18 +22,16 @@ class Normalization:
     @classmethod
     def of(cls, rollouts: list[Rollout], target: TrainingTarget) -> "Normalization":
         """From all steps of `rollouts`, which must be the training split."""
-        values = [raw_features(rollout, target) for rollout in rollouts]
-        stacked = np.concatenate(values)
-        changes = np.concatenate([value[CHANGE_STEPS:] - value[:-CHANGE_STEPS] for value in values])
-        relative = relative_columns(target.feature_groups, target.relative_groups) > 0.0
-        mean = np.where(relative, 0.0, stacked.mean(axis=0, dtype=float))
-        std = np.where(relative, changes.std(axis=0, dtype=float), stacked.std(axis=0, dtype=float))
-        return cls(mean, np.where(std > 1e-6, std, 1.0))
+        stacked = np.concatenate([raw_features(rollout, target) for rollout in rollouts])
+        std = stacked.std(axis=0, dtype=float)
+        return cls(stacked.mean(axis=0, dtype=float), np.where(std > 1e-6, std, 1.0))
 
 
 def raw_features(rollout: Rollout, target: TrainingTarget) -> np.ndarray:
-    """(T, F) features of a rollout, not normalised."""
-    return features(target.feature_groups, rollout.signals(target.features_from))
+    """(T, F) features of a rollout, not normalised; what is seen as change has none at the first step."""
+    levels = features(target.feature_groups, rollout.signals(target.features_from))
+    before = np.vstack([levels[:1], levels[:-1]])
+    return levels - before * increment_columns(target.feature_groups, target.increment_groups).astype(np.float32)
 
 
 def wanted_force(rollout: Rollout, target: TrainingTarget) -> np.ndarray:
@@ -64,7 +59,8 @@ class WindowSet:
         self.rollout_count, self.step_count = len(rollouts), lengths.pop()
         values = np.empty((len(rollouts), history - 1 + self.step_count, len(normalization.mean)), np.float32)
         for row, rollout in zip(values, rollouts, strict=True):
-            row[history - 1 :] = (raw_features(rollout, target) - normalization.mean) / normalization.std
+            normalized = (raw_features(rollout, target) - normalization.mean) / normalization.std
+            row[history - 1 :] = normalized.clip(-NORMALIZED_LIMIT, NORMALIZED_LIMIT)
             row[: history - 1] = row[history - 1]  # missing steps repeat the first one, as the running estimator does
         self._values = torch.from_numpy(values)
         wanted = [wanted_force(rollout, target) for rollout in rollouts]
@@ -73,7 +69,6 @@ class WindowSet:
             learnable = [force - rollout_bias(rollout, force) for force, rollout in zip(wanted, rollouts, strict=True)]
         self._wanted = torch.from_numpy(np.stack(wanted).astype(np.float32))
         self._learnable = torch.from_numpy(np.stack(learnable).astype(np.float32))
-        self._relative = torch.from_numpy(relative_columns(target.feature_groups, target.relative_groups).astype(np.float32))
         self._offsets = torch.arange(history)
 
     def windows(self, rollouts: torch.Tensor, steps: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
@@ -84,12 +79,7 @@ class WindowSet:
             error; all of the wanted force (batch, 3) N.
         """
         windows = self._values[rollouts[:, None], steps[:, None] + self._offsets]
-        windows -= self._relative * windows[:, -1:]
-        return (
-            windows.clamp_(-NORMALIZED_LIMIT, NORMALIZED_LIMIT),
-            self._learnable[rollouts, steps],
-            self._wanted[rollouts, steps],
-        )
+        return windows, self._learnable[rollouts, steps], self._wanted[rollouts, steps]
 
     def draw(self, count: int, generator: torch.Generator) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
         """`count` random windows from the second half second on."""

@@ -9,7 +9,7 @@ import pytest
 import torch
 from torch.nn import functional
 
-from control.force_features import HYBRID_GROUPS, HYBRID_RELATIVE_GROUPS, PAPER_GROUPS, feature_names, features
+from control.force_features import HYBRID_GROUPS, HYBRID_INCREMENT_GROUPS, PAPER_GROUPS, feature_names, features
 from control.force_signals import Signals
 from control.learning.tcn_module import TcnModule
 from control.network_weights import NetworkManifest, WeightsError, load_network, save_network, scale_output
@@ -131,7 +131,7 @@ def saved_network(directory: Path, gaussian: bool = True) -> NetworkManifest:
         name="hybrid",
         nominal="adaptive",
         feature_groups=HYBRID_GROUPS,
-        relative_groups=HYBRID_RELATIVE_GROUPS,
+        increment_groups=HYBRID_INCREMENT_GROUPS,
         feature_names=names,
         shape=shape,
         period_s=0.02,
@@ -175,20 +175,30 @@ def test_missing_history_repeats_the_first_step(tmp_path: Path) -> None:
 def test_outputs_below_the_noise_vanish_and_large_ones_stay(tmp_path: Path) -> None:
     manifest = replace(saved_network(tmp_path), output_noise_n=0.1)
     raw = np.array([1e-3, 0.1 / 1.5, 1.0, 0.0, 0.0, 0.0])
-    force, _ = scale_output(raw, manifest)
+    force, _ = scale_output(raw, np.ones(2), manifest)
     assert abs(force[0]) < 1e-6
     assert force[1] == pytest.approx(0.05)
     assert force[2] == pytest.approx(1.5, rel=0.005)
 
 
-def test_the_level_of_a_relative_feature_does_not_matter(tmp_path: Path) -> None:
+def test_sigma_follows_the_mass_and_the_force_does_not(tmp_path: Path) -> None:
+    manifest = replace(saved_network(tmp_path), sigma_slopes=(0.5, 2.0))
+    raw = np.array([0.1, 0.2, 0.3, -1.0, 0.0, 1.0])
+    force, sigma = scale_output(raw, np.array([1.0, 1.0]), manifest)
+    same_force, larger = scale_output(raw, np.array([1.2, 1.1]), manifest)
+    assert sigma is not None and larger is not None
+    np.testing.assert_array_equal(force, same_force)
+    np.testing.assert_allclose(larger / sigma, np.exp(0.5 * 0.2 + 2.0 * 0.1))
+
+
+def test_the_level_of_what_is_seen_as_change_does_not_matter(tmp_path: Path) -> None:
     saved_network(tmp_path)
     network, shifted = load_network("hybrid", tmp_path), load_network("hybrid", tmp_path)
     for seed in range(22):
         signals = random_signals(seed)
-        other = replace(signals, nominal_residual=signals.nominal_residual + 7.0, joint_torque=signals.joint_torque - 3.0)
+        other = replace(signals, nominal_unexplained=signals.nominal_unexplained + 7.0)
         np.testing.assert_allclose(network.step(signals)[0], shifted.step(other)[0], atol=1e-5)
-    moved = replace(random_signals(30), nominal_residual=random_signals(30).nominal_residual + 1.0)
+    moved = replace(random_signals(30), nominal_unexplained=random_signals(30).nominal_unexplained + 1.0)
     assert np.abs(network.step(random_signals(30))[0] - shifted.step(moved)[0]).max() > 1e-6
 
 
@@ -196,8 +206,9 @@ def test_an_extreme_input_is_clipped(tmp_path: Path) -> None:
     saved_network(tmp_path)
     network, other = load_network("hybrid", tmp_path), load_network("hybrid", tmp_path)
     signals = random_signals(6)
-    far = replace(signals, joint_velocity=signals.joint_velocity * 0.0 + 1e3)
-    farther = replace(signals, joint_velocity=signals.joint_velocity * 0.0 + 1e6)
+    np.testing.assert_array_equal(network.step(signals)[0], other.step(signals)[0])
+    far = replace(signals, nominal_force=np.full(3, 1e3), nominal_unexplained=np.full(28, 1e3))
+    farther = replace(signals, nominal_force=np.full(3, 1e6), nominal_unexplained=np.full(28, 1e6))
     np.testing.assert_array_equal(network.step(far)[0], other.step(farther)[0])
 
 

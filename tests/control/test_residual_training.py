@@ -7,14 +7,15 @@ import numpy as np
 import pytest
 import torch
 
-from control.learning.evaluation import Prediction
+from control.learning.calibration import COVERAGE, calibrate
+from control.learning.evaluation import Prediction, relative_error
 from control.learning.losses import beta_likelihood, smooth_l1
 from control.learning.residual_training import ResidualTraining, RunError, TrainingConfig, main
 from control.learning.rollout_bias import rollout_bias
 from control.learning.rollout_data import DatasetError, Rollout, column_sizes, load_split, save_rollout, write_manifest
-from control.learning.shrinkage import NOISES_N, choose_output_noise, worst_ratio
+from control.learning.shrinkage import NOISES_N, choose_output_noise
 from control.learning.targets import TARGETS
-from control.learning.windows import Normalization, WindowSet, wanted_force
+from control.learning.windows import Normalization, WindowSet, raw_features, wanted_force
 from control.network_weights import load_network
 
 SHORT = TrainingConfig(epochs=2, samples_per_epoch=256, batch=64)
@@ -22,13 +23,14 @@ torch.set_num_threads(1)
 
 
 def made_up_rollout(seed: int, steps: int = 300) -> dict[str, np.ndarray]:
-    """Noise, except that the nominal force errs by a filtered joint velocity."""
+    """Noise, except that the nominal force errs by what moves three joints and, step by step, the unexplained residual."""
     random = np.random.default_rng(seed)
     arrays = {name: random.standard_normal((steps, size)) for name, size in column_sizes().items()}
+    cause = arrays["joint_velocity"][:, 16:19]
+    lagged = np.vstack([cause[:1], cause[:-1]])
     for nominal in ("gmo_cqp", "adaptive"):
-        velocity = arrays["joint_velocity"]
-        lagged = np.vstack([velocity[:1], velocity[:-1]])
-        arrays[f"{nominal}.force"] = arrays["force_true"] - 0.7 * velocity[:, 16:19] - 0.5 * lagged[:, 16:19]
+        arrays[f"{nominal}.unexplained"][:, :3] = np.cumsum(cause, axis=0)
+        arrays[f"{nominal}.force"] = arrays["force_true"] - 0.7 * cause - 0.5 * lagged
     return arrays
 
 
@@ -114,6 +116,15 @@ def test_normalisation_and_limits_come_from_the_training_split_alone(data: Path)
     assert before.manifest == after.manifest
 
 
+def test_increments_are_changes_from_the_step_before_and_the_rest_are_levels(data: Path) -> None:
+    target = TARGETS["hybrid"]
+    rollout = load_split(data, "validation")[0]
+    values, force = raw_features(rollout, target), rollout.arrays["adaptive.force"]
+    assert not values[0, :3].any()
+    np.testing.assert_array_equal(values[1:, :3], np.diff(force, axis=0))
+    np.testing.assert_allclose(values[:, -1], np.linalg.norm(force, axis=1), rtol=1e-6)
+
+
 def test_windows_end_at_their_step_and_repeat_the_first_one_before_the_start(data: Path) -> None:
     target = TARGETS["tcn"]
     rollouts = load_split(data, "validation")
@@ -188,18 +199,39 @@ def test_bad_data_is_refused(data: Path) -> None:
         load_split(data, "train")
 
 
-def test_a_correction_is_trusted_as_far_as_it_harms_no_rollout() -> None:
-    def predictions(harmed: bool) -> Callable[[float], list[Prediction]]:
-        def predict_with(noise: float) -> list[Prediction]:
+def prediction(error: np.ndarray, nominal_error: np.ndarray | None = None, sigma: np.ndarray | None = None) -> Prediction:
+    return Prediction(error, nominal_error, sigma, np.ones((len(error), 2)))
+
+
+def test_a_correction_is_trusted_as_far_as_it_harms_no_kind_of_rollout() -> None:
+    def cells(harmed: bool) -> Callable[[float], list[list[Prediction]]]:
+        def predict_with(noise: float) -> list[list[Prediction]]:
             good, bad = 1.0 / (1.0 + noise), 0.1 / (1.0 + 100.0 * noise)
-            return [
-                Prediction(np.full((50, 3), 2.0 - good), np.full((50, 3), 2.0), None),
-                Prediction(np.full((50, 3), 1.0 + harmed * (bad - 0.02)), np.ones((50, 3)), None),
-            ]
+            helped = prediction(np.full((50, 3), 2.0 - good), np.full((50, 3), 2.0))
+            worse = prediction(np.full((50, 3), 1.0 + harmed * (bad - 0.02)), np.ones((50, 3)))
+            return [[helped], [worse]]
 
         return predict_with
 
-    assert choose_output_noise(predictions(harmed=False)) == NOISES_N[0]
-    chosen = choose_output_noise(predictions(harmed=True))
-    assert worst_ratio(predictions(harmed=True)(chosen)) <= 1.0
-    assert chosen == min(noise for noise in NOISES_N if worst_ratio(predictions(harmed=True)(noise)) <= 1.0)
+    def worst(noise: float) -> float:
+        return max(relative_error(cell) for cell in cells(harmed=True)(noise))
+
+    assert choose_output_noise(cells(harmed=False)) == NOISES_N[0]
+    assert choose_output_noise(cells(harmed=True)) == min(noise for noise in NOISES_N if worst(noise) <= 1.0)
+
+
+def test_calibration_covers_light_and_heavy_robots_alike() -> None:
+    random = np.random.default_rng(0)
+    predictions = []
+    for mass in np.tile([0.8, 1.0, 1.2], 4):
+        drivers = np.column_stack([np.full(4000, mass), random.uniform(0.9, 1.1, 4000)])
+        true_sigma = np.array([0.2, 0.3, 0.4]) * np.exp(1.5 * drivers[:, :1] - 0.5 * drivers[:, 1:])
+        error = true_sigma * random.standard_normal((4000, 3))
+        predictions.append(Prediction(error, None, np.full((4000, 3), 0.5), drivers))
+    scale, slopes = calibrate(predictions)
+    assert slopes == pytest.approx((1.5, -0.5), abs=0.15)
+    for one in predictions[:3]:
+        sigma = 0.5 * np.array(scale) * np.exp(one.drivers @ slopes)[:, None]
+        assert (np.abs(one.error) <= 2.0 * sigma).mean(axis=0) == pytest.approx(COVERAGE, abs=0.012)
+    with pytest.raises(ValueError, match="sigma"):
+        calibrate([prediction(np.ones((5, 3)))])
