@@ -70,13 +70,13 @@ GROUPS = {
 PAPER_GROUPS = ("joint_position", "joint_velocity", "joint_torque", "orientation", "angular_velocity", "gait_phase", "mode")
 """Eq. (13): x_dyn, x_base, x_gait, x_mode."""
 
-HYBRID_INCREMENT_GROUPS = ("nominal_force", "nominal_unexplained")
+HYBRID_INCREMENT_GROUPS = ("nominal_force",)
 HYBRID_GROUPS = (*HYBRID_INCREMENT_GROUPS, "nominal_force_length")
-"""Ours: what the projection made of the observer's residual, and what it left.
+"""Ours: how the nominal force has changed from step to step, and how long it is.
 
-The first two are seen as changes from one step to the next. Their levels tell one robot from another, by its masses, offsets
-and torque constants: a network that sees levels learns the errors of the robots in its training set and worsens the estimate
-on others. And noise, which a network can take out, is large among changes while it vanishes beside a force of 20 N.
+Its level tells one robot from another, by masses, offsets and torque constants: a network that sees levels learns the errors of
+the robots in its training set and worsens the estimate on others. And noise, which a network can take out, is large among
+changes while it vanishes beside a force of 20 N.
 """
 
 
