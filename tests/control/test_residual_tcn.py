@@ -9,11 +9,14 @@ import pytest
 import torch
 from torch.nn import functional
 
-from control.force_features import HYBRID_GROUPS, HYBRID_INCREMENT_GROUPS, PAPER_GROUPS, feature_names, features
+from control.force_features import HYBRID_GROUPS, PAPER_GROUPS, feature_names, features
 from control.force_signals import Signals
 from control.learning.tcn_module import TcnModule
 from control.network_weights import NetworkManifest, WeightsError, load_network, save_network, scale_output
 from control.residual_tcn import ResidualTcn, TcnShape, parameter_shapes
+
+INCREMENT_GROUPS = ("nominal_force", "nominal_unexplained")
+GROUPS = (*INCREMENT_GROUPS, "nominal_force_length")
 
 SHAPES = [TcnShape(7, 3), TcnShape(64, 6), TcnShape(5, 3, history=9, width=12, kernel=2, dilations=(1, 2, 4), head=8)]
 
@@ -125,13 +128,13 @@ def test_wheel_angles_and_yaw_are_no_features() -> None:
 
 
 def saved_network(directory: Path, gaussian: bool = True) -> NetworkManifest:
-    names = feature_names(HYBRID_GROUPS)
+    names = feature_names(GROUPS)
     shape = TcnShape(len(names), 6 if gaussian else 3)
     manifest = NetworkManifest(
         name="hybrid",
         nominal="adaptive",
-        feature_groups=HYBRID_GROUPS,
-        increment_groups=HYBRID_INCREMENT_GROUPS,
+        feature_groups=GROUPS,
+        increment_groups=INCREMENT_GROUPS,
         feature_names=names,
         shape=shape,
         period_s=0.02,
