@@ -122,6 +122,18 @@ def test_ppo_improves_both_heads():
     assert all(after > 0.7 * before for after, before in zip(last.reward, first.reward, strict=True))
 
 
+def test_a_penalised_mean_stays_between_zero_and_what_pays():
+    def mean_size(penalty: float) -> float:
+        env, net = Reaching(256), network()
+        learner = Ppo(net, PpoConfig(horizon=4, critic_only=2, actor_rate=3e-4, mean_penalty=penalty))
+        for _ in range(25):
+            learner.iterate(env)
+        return float(net.mean(torch.from_numpy(env.observation)).square().mean())
+
+    free, penalised = mean_size(0.0), mean_size(3.0)
+    assert 0.0 < penalised < 0.5 * free
+
+
 def test_critic_only_iterations_leave_the_policy_alone():
     env, net = Reaching(32), network()
     before = [parameter.detach().clone() for parameter in net.actor_parameters()]
