@@ -128,7 +128,7 @@ def test_a_penalised_mean_stays_between_zero_and_what_pays():
         learner = Ppo(net, PpoConfig(horizon=4, critic_only=2, actor_rate=3e-4, mean_penalty=penalty))
         for _ in range(25):
             learner.iterate(env)
-        return float(net.mean(torch.from_numpy(env.observation)).square().mean())
+        return float(net.mean(torch.from_numpy(env.observation)).detach().square().mean())
 
     free, penalised = mean_size(0.0), mean_size(3.0)
     assert 0.0 < penalised < 0.5 * free
