@@ -134,6 +134,18 @@ def test_a_penalised_mean_stays_between_zero_and_what_pays():
     assert 0.0 < penalised < 0.5 * free
 
 
+@pytest.mark.parametrize("memory", [0.0, 0.8])
+def test_noise_is_as_large_and_as_lasting_as_asked(memory: float):
+    net = network(std=0.3)
+    data = Ppo(net, PpoConfig(horizon=12, noise_memory=memory)).collect(Reaching(4000))
+    noise = (data.actions - net.mean(data.observations)).detach() / 0.3
+    assert noise.std().item() == pytest.approx(1.0, abs=0.02)
+    assert (noise[1:] * noise[:-1]).mean().item() == pytest.approx(memory, abs=0.03)
+    # What the likelihood says of a single action stays true.
+    expected = -0.5 * noise.square().sum(dim=-1) - 2.0 * np.log(0.3 * np.sqrt(2.0 * np.pi))
+    assert torch.allclose(data.log_probabilities, expected.float(), atol=1e-3)
+
+
 def test_critic_only_iterations_leave_the_policy_alone():
     env, net = Reaching(32), network()
     before = [parameter.detach().clone() for parameter in net.actor_parameters()]
