@@ -11,7 +11,7 @@ from typing import Any
 import torch
 
 from control.joints import JOINT_COUNT
-from control.learning.actor_critic import HIDDEN, ActorCritic
+from control.learning.actor_critic import CRITIC_HIDDEN, HIDDEN, ActorCritic
 from control.learning.dagger import DaggerConfig, imitate
 from control.learning.event_log import EventLog
 from control.learning.policy_curves import save_policy_curves
@@ -42,6 +42,7 @@ class PolicyTrainingConfig:
     score_seed, score_minutes: trials of the score; never those of a benchmark.
     verification_seed: of the trials that the chosen checkpoint is judged by, which had no part in choosing it.
     warm_std, scratch_std, residual_std: action noise after imitation, without it, and of corrections.
+    correction_penalty, noise_memory: PpoConfig.mean_penalty and noise_memory of the residual form.
     bfloat16: compute hidden layers in bfloat16; pays on CPUs with such instructions.
     """
 
@@ -59,6 +60,8 @@ class PolicyTrainingConfig:
     warm_std: float = 0.1
     scratch_std: float = 0.6
     residual_std: float = 0.06
+    correction_penalty: float = 4.0
+    noise_memory: float = 0.8
     bfloat16: bool = True
     dagger: DaggerConfig = field(default_factory=DaggerConfig)
     ppo: PpoConfig = field(default_factory=PpoConfig)
@@ -85,10 +88,12 @@ class PolicyTraining:
         std = config.residual_std if corrects else config.scratch_std if from_scratch else config.warm_std
         self._size = Observation(config.form).size
         self.network = ActorCritic(self._size, PRIVILEGED_SIZE, JOINT_COUNT, std, config.bfloat16)
-        self.learner = Ppo(self.network, _FROM_SCRATCH if from_scratch else config.ppo)
+        ppo = _FROM_SCRATCH if from_scratch else config.ppo
         if corrects:
+            ppo = replace(ppo, mean_penalty=config.correction_penalty, noise_memory=config.noise_memory)
             # The first policy is the model-based controller itself.
             torch.nn.init.zeros_(self.network.actor_head.weight)
+        self.learner = Ppo(self.network, ppo)
         self.imitated = from_scratch or corrects
         self.steps = 0
         self.history: dict[str, list[dict[str, Any]]] = {"imitation": [], "ppo": [], "score": []}
@@ -213,7 +218,8 @@ class PolicyTraining:
     @property
     def _identity(self) -> dict[str, Any]:
         """What must be the same for a checkpoint to be continued."""
-        return {"schema": SCHEMA, "seed": self.config.seed, "interface": interface(self.config.form), "hidden": list(HIDDEN)}
+        layers = {"hidden": list(HIDDEN), "critic_hidden": list(CRITIC_HIDDEN)}
+        return {"schema": SCHEMA, "seed": self.config.seed, "interface": interface(self.config.form), **layers}
 
     def _save_checkpoint(self) -> None:
         state = {

@@ -89,9 +89,9 @@ class ActorCritic(nn.Module):
         scaled = (action - mean) * torch.exp(-self.log_std)
         return (-0.5 * scaled**2 - self.log_std - _LOG_SQRT_TWO_PI).sum(dim=1)
 
-    def sample(self, mean: torch.Tensor) -> torch.Tensor:
-        """Actions (n, a) about `mean`."""
-        return mean + torch.exp(self.log_std) * torch.randn_like(mean)
+    def sample(self, mean: torch.Tensor, noise: torch.Tensor) -> torch.Tensor:
+        """Actions (n, a) about `mean` for standard normal `noise` (n, a)."""
+        return mean + torch.exp(self.log_std) * noise
 
     def actor_parameters(self) -> list[nn.Parameter]:
         """What the policy gradient trains."""

@@ -59,17 +59,18 @@ def measure(count: int, seed: int, turns: int) -> Row:
         batch.state[:] = end
         return spent
 
-    seconds = {"bare": 0.0, "environment": 0.0, "ppo": 0.0}
-    for turn in range(turns + 1):
-        spent = {"bare": bare(), "environment": _cpu_seconds(environment), "ppo": _cpu_seconds(ppo)}
-        if turn > 0:  # The first turn warms up.
-            seconds = {name: seconds[name] + spent[name] for name in seconds}
-    rates = {name: turns * horizon * count / spent for name, spent in seconds.items()}
+    seconds = np.array([(bare(), _cpu_seconds(environment), _cpu_seconds(ppo)) for _ in range(turns + 1)])
+    # The first turn warms up. Load on the machine comes in bursts, so turns are compared one by one.
+    seconds = seconds[1:]
+    shares = np.median(seconds[:, :1] / seconds, axis=0)
+    rates = horizon * count / np.median(seconds, axis=0)
     return {
         "count": count,
-        "bare_steps_per_cpu_s": rates["bare"],
-        "environment_share": rates["environment"] / rates["bare"],
-        "ppo_share": rates["ppo"] / rates["bare"],
+        "bare_steps_per_cpu_s": float(rates[0]),
+        "environment_steps_per_cpu_s": float(rates[1]),
+        "ppo_steps_per_cpu_s": float(rates[2]),
+        "environment_share": float(shares[1]),
+        "ppo_share": float(shares[2]),
     }
 
 

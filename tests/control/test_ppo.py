@@ -122,6 +122,30 @@ def test_ppo_improves_both_heads():
     assert all(after > 0.7 * before for after, before in zip(last.reward, first.reward, strict=True))
 
 
+def test_a_penalised_mean_stays_between_zero_and_what_pays():
+    def mean_size(penalty: float) -> float:
+        env, net = Reaching(256), network()
+        learner = Ppo(net, PpoConfig(horizon=4, critic_only=2, actor_rate=3e-4, mean_penalty=penalty))
+        for _ in range(25):
+            learner.iterate(env)
+        return float(net.mean(torch.from_numpy(env.observation)).detach().square().mean())
+
+    free, penalised = mean_size(0.0), mean_size(3.0)
+    assert 0.0 < penalised < 0.5 * free
+
+
+@pytest.mark.parametrize("memory", [0.0, 0.8])
+def test_noise_is_as_large_and_as_lasting_as_asked(memory: float):
+    net = network(std=0.3)
+    data = Ppo(net, PpoConfig(horizon=12, noise_memory=memory)).collect(Reaching(4000))
+    noise = (data.actions - net.mean(data.observations)).detach() / 0.3
+    assert noise.std().item() == pytest.approx(1.0, abs=0.02)
+    assert (noise[1:] * noise[:-1]).mean().item() == pytest.approx(memory, abs=0.03)
+    # What the likelihood says of a single action stays true.
+    expected = -0.5 * noise.square().sum(dim=-1) - 2.0 * np.log(0.3 * np.sqrt(2.0 * np.pi))
+    assert torch.allclose(data.log_probabilities, expected.float(), atol=1e-3)
+
+
 def test_critic_only_iterations_leave_the_policy_alone():
     env, net = Reaching(32), network()
     before = [parameter.detach().clone() for parameter in net.actor_parameters()]
