@@ -14,9 +14,11 @@ from pathlib import Path
 import numpy as np
 
 from control.types import JointCommand, SensorFrame
+from sim.backends.hardware.command_limiter import stack
 from sim.backends.hardware.config import HardwareConfig
 from sim.backends.hardware.records import IO_COMMAND, IO_STATE, READ_ATTEMPTS, IoMemory, memory_path
 from sim.backends.hardware.remote import ALIVE_S, HardwareRemote
+from sim.backends.hardware.robot import sensor_frame
 from sim.backends.hardware.states import DriveState, Request, Trip
 from sim.backends.hardware.status import HardwareStatus, status_from_record
 from sim.backends.protocol import BackendError, Capabilities
@@ -107,11 +109,7 @@ class HardwareBackend:
         record["sequence"] += 1
         record["time_s"] = record["alive_s"] = now
         record["operator_silent_s"] = self.operator_silent_s
-        record["position"] = command.position
-        record["velocity"] = command.velocity
-        record["stiffness"] = command.stiffness
-        record["damping"] = command.damping
-        record["torque"] = command.torque
+        record["targets"] = stack(command)
         self._opened.command.write(self._command)
 
     def heartbeat(self) -> None:
@@ -223,8 +221,5 @@ class HardwareBackend:
             return False
         record = self._record = newest[0]
         if record["has_frame"]:
-            names = ("orientation_wxyz", "angular_velocity", "linear_acceleration")
-            joints = ("joint_position", "joint_velocity", "joint_torque")
-            values = [record[name] for name in (*names, *joints)]
-            self._frame = SensorFrame(float(record["base_received_s"]) - self._start_s, *values)
+            self._frame = sensor_frame(float(record["base_received_s"]) - self._start_s, record["sensors"])
         return True

@@ -3,6 +3,10 @@
 Everything runs over real DDS and UDP on loopback, in three processes as on a robot: the emulated robot, the I/O process, and
 this one in the place of the control process. Protocol-verified, not robot-verified: no number here was taken on a robot.
 
+Lost are states that never reached the driver (gaps in the robot's tick) and commands that never reached a reader beside the
+robot's, both with a depth of 16. After a stall the driver takes in all states that wait and answers the newest; how many were
+skipped so is a row without a bar, as is the longest pause of this process: neither can be told from a stall of the machine.
+
     python -m sim.benchmarks.hardware_link [--quick] [--minutes 10] [--json PATH]
 """
 
@@ -20,6 +24,7 @@ import numpy as np
 
 from control.joints import DAMPING, NOMINAL_POSITION, STIFFNESS
 from control.types import JointCommand
+from sim.backends.hardware.command_limiter import stack
 from sim.backends.hardware.config import HardwareConfig
 from sim.backends.hardware.motions import MotionConfig
 from sim.backends.hardware.robot import Robot
@@ -38,7 +43,13 @@ from sim.realtime import request_realtime
 _TICK_S = 0.002
 FIFO_PRIORITY = 20
 _PATIENCE_S = 20.0
-_NEXT = {DriveState.OBSERVE: Request.ENGAGE, DriveState.DAMPED: Request.STAND, DriveState.FAULT: Request.CLEAR}
+_UP = {
+    DriveState.OBSERVE: Request.ENGAGE,
+    DriveState.DAMPED: Request.STAND,
+    DriveState.READY: Request.START,
+    DriveState.FAULT: Request.CLEAR,
+}
+_DOWN = {DriveState.POLICY: Request.SIT, DriveState.READY: Request.SIT, DriveState.DAMPED: Request.RELEASE}
 
 
 class Control:
@@ -49,7 +60,8 @@ class Control:
         self.backend.open()
         request_realtime(FIFO_PRIORITY)  # as the control process does
         self.silent = False
-        self.last_write_s = 0.0
+        self.last_write_s = time.monotonic()
+        self.longest_pause_s = 0.0
         self._lock = threading.Lock()
         threading.Thread(target=self._live, daemon=True).start()
 
@@ -59,7 +71,9 @@ class Control:
             if not self.silent:
                 with self._lock:
                     self.backend.write(hold)
-                    self.last_write_s = time.monotonic()
+                    now = time.monotonic()
+                    self.longest_pause_s = max(self.longest_pause_s, now - self.last_write_s)
+                    self.last_write_s = now
             time.sleep(_TICK_S)
 
     def request(self, request: Request) -> None:
@@ -67,18 +81,19 @@ class Control:
             self.backend.request(request)
 
     def bring_to(self, goal: DriveState) -> None:
-        """Through the states up to `goal`, asking again where something was refused.
+        """Through the states up to `goal`, or down to OBSERVE, asking again where something was refused.
 
         Raises:
             TimeoutError: with the last refusal.
         """
         deadline = time.monotonic() + _PATIENCE_S
+        steps = _DOWN if goal == DriveState.OBSERVE else _UP
         asked_s = 0.0
         while True:
             status = self.backend.status()
             if status.state == goal:
                 return
-            wanted = Request.START if status.state == DriveState.READY else _NEXT.get(status.state)
+            wanted = steps.get(status.state)
             if wanted is not None and not status.engaging and time.monotonic() - asked_s > 0.3:
                 self.request(wanted)
                 asked_s = time.monotonic()
@@ -149,11 +164,11 @@ def measure_codec(report: Report, repetitions: int) -> None:
     """Cost of a command (five arrays, CRC, bytes) and of a state (CRC, all fields)."""
     wire = MemoryWire()
     driver = BaseDriver(MemoryBaseLink(wire))
-    values = np.linspace(0.1, 1.6, 16)
+    targets = np.tile(np.linspace(0.1, 1.6, 16), (5, 1))
     sample = LowState().encode()
 
     def encode() -> None:
-        driver.write(values, values, values, values, values)
+        driver.write(targets)
 
     def decode() -> None:
         wire.states.append(sample)
@@ -171,24 +186,37 @@ def measure_codec(report: Report, repetitions: int) -> None:
 
 
 def measure_round_trip(report: Report, stage: Stage, seconds: float) -> None:
-    """Round trips, losses, rate and processor share while the robot stands under commands."""
-    stage.control.bring_to(DriveState.POLICY)
+    """Round trips, losses, rate and processor share while the robot stands under commands.
+
+    Losses are counted from OBSERVE to OBSERVE, where nothing is sent, so nothing is under way.
+    """
+    control = stage.control
+    control.bring_to(DriveState.OBSERVE)
+    before, seen = control.backend.status(), stage.watch().frames_ever
+    control.bring_to(DriveState.POLICY)
     time.sleep(0.5)
     stage.clear()
     cpu, start = _cpu_s(stage.io_pid), time.monotonic()
     time.sleep(seconds)
     watch = stage.watch()
     share = 100.0 * (_cpu_s(stage.io_pid) - cpu) / (time.monotonic() - start)
+    control.bring_to(DriveState.OBSERVE)
+    time.sleep(0.5)
+    after = control.backend.status()
+    lost_states = after.states_missed - before.states_missed
+    lost_commands = after.frames_sent - before.frames_sent - (stage.watch().frames_ever - seen)
     p50, p99, _ = _percentiles(report, "link", "round trip", 1e3 * watch.round_trips_s(), "ms")
     rate = (len(watch.frame_s) - 1) / (watch.frame_s[-1] - watch.frame_s[0])
     _single(report, "link", "command rate", rate, "Hz")
-    _single(report, "link", "lost", watch.lost(), f"of {len(watch.state_s)}")
+    _single(report, "link", "lost states", lost_states, f"of {after.states_received - before.states_received}")
+    _single(report, "link", "lost commands", lost_commands, f"of {after.frames_sent - before.frames_sent}")
+    _single(report, "link", "states skipped", watch.skipped(), f"of {len(watch.state_s)}")
     _single(report, "link", "I/O process", share, "% of a core")
     _single(report, "link", "emulator", 100.0 * watch.cpu_s / watch.wall_s, "% of a core")
     report.bars += [
         at_most("round trip p50", p50, 0.6, "ms"),
         at_most("round trip p99", p99, 1.5, "ms"),
-        at_most("lost states", watch.lost(), 0, ""),
+        at_most("lost states and commands", lost_states + lost_commands, 0, ""),
         at_most("command rate off 500 Hz", abs(rate - 500.0), 1.0, "Hz"),
         at_most("I/O process", share, 25.0, "% of a core"),
     ]
@@ -217,14 +245,23 @@ def measure_reaction(
 def measure_false_trips(report: Report, stage: Stage, seconds: float) -> None:
     """How often the healthy link trips."""
     trips, end = 0, time.monotonic() + seconds
-    stage.control.bring_to(DriveState.POLICY)
+    control = stage.control
+    control.bring_to(DriveState.POLICY)
+    control.longest_pause_s = worst = 0.0
     while time.monotonic() < end:
         time.sleep(0.1)
-        if stage.control.backend.status().state != DriveState.POLICY:
-            report.progress(f"false trip: {stage.control.backend.status().message}")
+        status, pause_s = control.backend.status(), control.longest_pause_s
+        worst = max(worst, pause_s)
+        if status.state != DriveState.POLICY:
+            report.progress(
+                f"false trip: {status.message}; control paused for {1e3 * pause_s:.0f} ms, "
+                f"the I/O process for {status.worst_period_ms:.0f} ms"
+            )
             trips += 1
-            stage.control.bring_to(DriveState.POLICY)
+            control.bring_to(DriveState.POLICY)
+        control.longest_pause_s = 0.0
     _single(report, "link", "false trips", trips, f"in {seconds:.0f} s")
+    _single(report, "link", "longest pause of control", 1e3 * worst, "ms")
     report.bars.append(at_most("false trips", trips, 0, f"in {seconds:.0f} s"))
 
 
@@ -235,14 +272,14 @@ def measure_lockstep(report: Report, domain: int, steps: int) -> None:
     emulator = subprocess.Popen([*command, "--arm-port", str(port)], stdin=subprocess.PIPE, stderr=subprocess.DEVNULL)
     config = HardwareConfig()
     robot = Robot(DdsBaseLink(DdsConfig(domain)), Z1Config("127.0.0.1", port, port + 1), config.limits, False, True)
-    hold = JointCommand(NOMINAL_POSITION, np.zeros(22), STIFFNESS, DAMPING)
+    targets = stack(JointCommand(NOMINAL_POSITION, np.zeros(22), STIFFNESS, DAMPING))
     answered, start = 0, time.perf_counter()
     while answered < steps:
         robot.base.link.wait(_PATIENCE_S)
         if robot.poll(time.monotonic()) and robot.frame is not None:
             if answered == 1:
                 start = time.perf_counter()
-            robot.write(time.monotonic(), hold)
+            robot.write(time.monotonic(), targets)
             answered += 1
     rate = (answered - 1) / (time.perf_counter() - start)
     robot.close()

@@ -28,6 +28,7 @@ class Watch:
     Attributes:
         state_tick_ms, state_s: (n,) states published.
         frame_tick_ms, frame_s, frame_damps: (m,) commands that arrived.
+        frames_ever: commands that arrived since the process started.
         cpu_s, wall_s: processor and wall-clock time of the emulator.
     """
 
@@ -36,6 +37,7 @@ class Watch:
     frame_tick_ms: np.ndarray
     frame_s: np.ndarray
     frame_damps: np.ndarray
+    frames_ever: int
     cpu_s: float
     wall_s: float
 
@@ -48,8 +50,8 @@ class Watch:
         ]
         return np.array(pairs)
 
-    def lost(self) -> int:
-        """States between the first and the last answered one that no frame answers."""
+    def skipped(self) -> int:
+        """States between the first and the last answered one that no frame answers: a newer one came along, or they were lost."""
         answered = set(self.frame_tick_ms.tolist())
         inside = (self.state_tick_ms >= min(answered)) & (self.state_tick_ms <= max(answered))
         return sum(tick not in answered for tick in self.state_tick_ms[inside].tolist())
@@ -69,6 +71,7 @@ class _Probe:
         from sim.backends.unitree.idl import LowCmd_
 
         self._frames = self._endpoint.reader(COMMAND_TOPIC, LowCmd_, wakes=True)
+        self.frames_ever = 0
         self.clear()
         publish = self.emulator.base.publish
 
@@ -89,6 +92,7 @@ class _Probe:
             self._endpoint.wait(0.1)
             now = time.monotonic()
             for sample in samples(self._frames):
+                self.frames_ever += 1
                 command = LowCommand.decode(sample)
                 damps = not command.motor["kp"].any() and bool((used_slots(command.motor["kd"]) > 0).all())
                 self.seen.append((int(command.record["reserve"]), now, damps))
@@ -102,6 +106,7 @@ class _Probe:
             np.array([tick for tick, _, _ in seen]),
             np.array([at for _, at, _ in seen]),
             np.array([damps for _, _, damps in seen], dtype=bool),
+            self.frames_ever,
             cpu_s,
             wall_s,
         )

@@ -5,13 +5,14 @@ import os
 import time
 from collections.abc import Callable
 from contextlib import suppress
+from typing import Any
 
 import numpy as np
 
 from control.types import JointCommand
 from sim.backends.hardware.config import HardwareConfig
-from sim.backends.hardware.records import IO_STATE, READ_ATTEMPTS, IoMemory
-from sim.backends.hardware.robot import Robot
+from sim.backends.hardware.records import IO_STATE, IO_TICK, READ_ATTEMPTS, IoMemory
+from sim.backends.hardware.robot import SENSOR_COUNT, Robot
 from sim.backends.hardware.states import Request, Trip
 from sim.backends.hardware.supervisor import ControlInput, Supervisor
 
@@ -53,15 +54,19 @@ class IoLoop:
         self._clock = work_clock
         self._record = np.zeros(1, IO_STATE)
         self._message = ""
-        for name in ("joint_torque", "temperature", "battery_percent", "battery_v"):
+        for name in ("sensors", "temperature", "battery_percent", "battery_v"):
             self._record[name] = np.nan
         self._record["dry_run"] = config.dry_run
         self._record["pid"] = os.getpid()
+        start = SENSOR_COUNT * np.dtype("f8").itemsize
+        self._tick_record = self._record.view(np.uint8)[start : start + IO_TICK.itemsize].view(IO_TICK)
+        self._sensors = self._record["sensors"][0]
+        self._sequence = 0
         self._heard: np.void | None = None
         self._command_sequence = 0
         self._command: JointCommand | None = None
         self._last_s = -np.inf
-        self._worst_s = 0.0
+        self._worst_s = self._worst_shown_s = 0.0
         self._window_s = -np.inf
 
     def tick(self, now: float, realtime: bool = False) -> bool:
@@ -98,53 +103,49 @@ class IoLoop:
         record = self._heard
         if record is None:
             return ControlInput(estop=estop)
-        self.control_heard_s = float(record["alive_s"])
-        sequence = int(record["sequence"])
+        values: Any = record.item()
+        targets, sequence, time_s, self.control_heard_s, operator_silent_s, request, request_sequence = values
         if sequence != self._command_sequence:
             self._command_sequence = sequence
-            names = ("position", "velocity", "stiffness", "damping", "torque")
-            self._command = JointCommand(*(record[name] for name in names))
+            self._command = JointCommand(*targets)
         return ControlInput(
             self._command,
-            now - float(record["time_s"]),
+            now - time_s,
             now - self.control_heard_s,
-            float(record["operator_silent_s"]),
-            Request(int(record["request"])),
-            int(record["request_sequence"]),
+            operator_silent_s,
+            Request(request),
+            request_sequence,
             estop,
         )
 
     def _report(self, now: float, realtime: bool, work_s: float) -> None:
-        record, robot, supervisor = self._record[0], self.robot, self.supervisor
+        robot, supervisor = self.robot, self.supervisor
         if now - self._window_s > _WORST_WINDOW_S:
-            self._window_s, record["worst_period_ms"], self._worst_s = now, 1e3 * self._worst_s, 0.0
-        if np.isfinite(self._last_s):
+            self._window_s, self._worst_shown_s, self._worst_s = now, self._worst_s, 0.0
+        if self._sequence:
             self._worst_s = max(self._worst_s, now - self._last_s)
         self._last_s = now
-        record["sequence"] += 1
-        record["time_s"] = now
-        record["realtime_scheduling"] = realtime
-        record["tick_work_ms"] = 1e3 * work_s
-        record["state"] = supervisor.state
-        record["faults"] = int(supervisor.faults)
-        record["engaging"] = supervisor.engaging
-        record["request_sequence"] = supervisor.request_sequence
-        record["refused"] = supervisor.refused
-        record["ending"] = self.ending
-        record["control_heard_s"] = self.control_heard_s
-        record["base_received_s"] = robot.base.received_s
-        record["arm_received_s"] = robot.arm.received_s
-        frame = robot.frame
-        record["has_frame"] = frame is not None
-        if frame is not None:
-            record["orientation_wxyz"] = frame.orientation_wxyz
-            record["angular_velocity"] = frame.angular_velocity
-            record["linear_acceleration"] = frame.linear_acceleration
-            record["joint_position"] = frame.joint_position
-            record["joint_velocity"] = frame.joint_velocity
-            record["joint_torque"] = frame.joint_torque
-        if supervisor.message != self._message or int(record["sequence"]) % HEALTH_EVERY == 1:
-            self._report_health(record, now)
+        self._sequence += 1
+        self._tick_record[0] = (
+            self._sequence,
+            now,
+            self.control_heard_s,
+            robot.base.received_s,
+            robot.arm.received_s,
+            supervisor.request_sequence,
+            1e3 * work_s,
+            1e3 * self._worst_shown_s,
+            supervisor.faults,
+            supervisor.state,
+            supervisor.engaging,
+            supervisor.refused,
+            robot.frame is not None,
+            self.ending,
+            realtime,
+        )
+        self._sensors[:] = robot.sensors
+        if supervisor.message != self._message or self._sequence % HEALTH_EVERY == 1:
+            self._report_health(self._record[0], now)
         self._memory.state.write(self._record)
 
     def _report_health(self, record: np.void, now: float) -> None:
@@ -157,7 +158,7 @@ class IoLoop:
         if robot.readings is not None:
             base, arm = robot.readings
             record["temperature"] = robot.temperature()
-            record["lost"] = base.lost
+            record["lost"] = base.motors.lost
             record["battery_percent"] = base.battery_percent
             record["battery_v"] = base.battery_v
             record["arm_mode"] = arm.mode

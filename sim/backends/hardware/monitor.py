@@ -1,13 +1,11 @@
 """Watches the robot's health at every tick: reasons to warn, to sit down, to damp. Holds durations, decides nothing."""
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from control.frames import rotation_from_quaternion
 from control.joints import JOINT_COUNT, TORQUE_LIMIT
-from control.types import SensorFrame
 from sim.backends.hardware.limits import HardwareLimits
 from sim.backends.hardware.robot import Robot
 from sim.backends.hardware.states import Trip
@@ -18,8 +16,7 @@ from sim.backends.z1.driver import ArmReading
 _FOREIGN_CHECK_S = 0.1
 
 
-@dataclass(frozen=True, slots=True)
-class Health:
+class Health(NamedTuple):
     """One tick's findings: reasons to damp at once, to sit down, to warn."""
 
     damp: Trip
@@ -32,10 +29,10 @@ class HealthMonitor:
 
     def __init__(self, limits: HardwareLimits, position_lower: np.ndarray, position_upper: np.ndarray) -> None:
         self.limits = limits
-        self._lower = position_lower - limits.overtravel_rad
-        self._upper = position_upper + limits.overtravel_rad
-        self._velocity_limit = limits.velocity_limit()
-        self._torque_trip = limits.torque_fraction * TORQUE_LIMIT
+        velocity, torque = limits.velocity_limit(), limits.torque_fraction * TORQUE_LIMIT
+        self._lower = np.stack((position_lower - limits.overtravel_rad, -velocity, -torque))
+        self._upper = np.stack((position_upper + limits.overtravel_rad, velocity, torque))
+        self._durations_s = np.array([[limits.velocity_s], [limits.torque_s]])
         self._moved_s = self._checked_s = 0.0
         self.foreign_writers = 0
         self.reset(0, 0, 0.0)
@@ -45,8 +42,7 @@ class HealthMonitor:
         self._foreign_frames = foreign_frames
         self._foreign_baseline = foreign_writers
         self._foreign_check_s = now
-        self._loaded_since = np.full(JOINT_COUNT, np.inf)
-        self._fast_since = np.full(JOINT_COUNT, np.inf)
+        self._beyond_since = np.full((2, JOINT_COUNT), np.inf)
         self._still_since = np.full(JOINT_COUNT, now)
         self._still_position = np.full(JOINT_COUNT, np.nan)
         self._still_low = np.zeros(JOINT_COUNT)
@@ -62,24 +58,25 @@ class HealthMonitor:
                 damp |= trip
             elif age > limits.state_warn_s:
                 warn |= trip
-        readings, frame = robot.readings, robot.frame
-        if readings is None or frame is None:
+        base, arm = robot.base.reading, robot.arm.reading
+        if base is None or arm is None or robot.frame is None:
             self._moved_s = now
             return Health(damp, sit, warn)
         # A robot that stands still falls once it is damped; NaN is not slow; a state that has gone old may hide a fall.
-        if active or damp & Trip.STALE_STATE or not (np.abs(frame.joint_velocity[BASE_SLICE]) < limits.rest_velocity_rps).all():
+        if active or damp & Trip.STALE_STATE or not (np.abs(robot.joints[1, BASE_SLICE]) < limits.rest_velocity_rps).all():
             self._moved_s = now
-        base, arm = readings
-        damp |= self._body(now, frame, active)
-        up = rotation_from_quaternion(base.orientation_wxyz)[2, 2]
+        if body := self._body(now, robot, active):
+            damp |= body
+        _, x, y, _ = base.inertial[:4].tolist()
+        up = 1.0 - 2.0 * (x * x + y * y)  # the base's z axis along the world's
         if not up >= math.cos(limits.tilt_damp_rad):
             damp |= Trip.TILT
         elif up < math.cos(limits.tilt_warn_rad):
             warn |= Trip.TILT
         damp, sit, warn = self._supplies(base, arm, damp, sit, warn)
-        if active and not base.active.all():
+        if active and not base.motors.active:
             damp |= Trip.MOTOR
-        if arm.error.any() or arm.disconnected.any():
+        if arm.motors.faulty:
             damp |= Trip.ARM
         if base.remote_stop:
             damp |= Trip.REMOTE_STOP
@@ -101,7 +98,7 @@ class HealthMonitor:
 
     def _supplies(self, base: BaseReading, arm: ArmReading, damp: Trip, sit: Trip, warn: Trip) -> tuple[Trip, Trip, Trip]:
         limits = self.limits
-        hottest = max(base.temperature.max(), arm.temperature.max())
+        hottest = max(base.motors.hottest, arm.motors.hottest)
         if hottest >= limits.temperature_damp_c:
             damp |= Trip.TEMPERATURE
         elif hottest >= limits.temperature_sit_c:
@@ -114,38 +111,39 @@ class HealthMonitor:
             warn |= Trip.BATTERY
         return damp, sit, warn
 
-    def _body(self, now: float, frame: SensorFrame, active: bool) -> Trip:
-        q, dq, torque = frame.joint_position, frame.joint_velocity, frame.joint_torque
-        sums = q.sum() + dq.sum() + torque.sum() + frame.orientation_wxyz.sum()
-        if not math.isfinite(sums + frame.angular_velocity.sum() + frame.linear_acceleration.sum()):
+    def _body(self, now: float, robot: Robot, active: bool) -> Trip:
+        if not math.isfinite(np.add.reduce(robot.sensors)):
             return Trip.NOT_FINITE
-        trips = Trip.NONE
-        if (q < self._lower).any() or (q > self._upper).any():
+        trips, joints = Trip.NONE, robot.joints
+        beyond = (joints < self._lower) | (joints > self._upper)
+        some = np.count_nonzero(beyond) > 0
+        if some and beyond[0].any():
             trips |= Trip.JOINT_LIMIT
+        if not (some and active):
+            self._beyond_since[:] = np.inf
+        else:
+            self._beyond_since = np.where(beyond[1:], np.minimum(self._beyond_since, now), np.inf)
+            lasting = now - self._beyond_since >= self._durations_s
+            if lasting[0].any():
+                trips |= Trip.JOINT_VELOCITY
+            if lasting[1].any():
+                trips |= Trip.TORQUE
         if not active:
-            self._loaded_since[:] = self._fast_since[:] = np.inf
             self._still_since[:] = now
-            return trips
-        limits = self.limits
-        if _lasts(np.abs(torque) > self._torque_trip, self._loaded_since, now, limits.torque_s):
-            trips |= Trip.TORQUE
-        if _lasts(np.abs(dq) > self._velocity_limit, self._fast_since, now, limits.velocity_s):
-            trips |= Trip.JOINT_VELOCITY
-        moved = q != self._still_position
-        self._still_position = q
-        self._still_since[moved] = now
-        self._still_low = np.where(moved, torque, np.minimum(self._still_low, torque))
-        self._still_high = np.where(moved, torque, np.maximum(self._still_high, torque))
-        pushed = self._still_high - self._still_low > limits.stuck_torque_nm
-        if (pushed & (now - self._still_since > limits.stuck_s)).any():
+        elif self._stuck(now, joints[0], joints[2]):
             trips |= Trip.STUCK_ENCODER
         return trips
 
-
-def _lasts(holds: np.ndarray, since: np.ndarray, now: float, duration_s: float) -> bool:
-    """Whether any element of `holds` has been true for `duration_s`; `since` keeps when each became so."""
-    if not holds.any():
-        since[:] = np.inf
-        return False
-    since[:] = np.where(holds, np.minimum(since, now), np.inf)
-    return bool((now - since >= duration_s).any())
+    def _stuck(self, now: float, position: np.ndarray, torque: np.ndarray) -> bool:
+        """Whether an encoder stays while the torque of its motor changes."""
+        moved = position != self._still_position
+        self._still_position = position
+        if np.count_nonzero(moved) == JOINT_COUNT:
+            self._still_since[:] = now
+            self._still_low = self._still_high = torque
+            return False
+        self._still_since[moved] = now
+        self._still_low = np.where(moved, torque, np.minimum(self._still_low, torque))
+        self._still_high = np.where(moved, torque, np.maximum(self._still_high, torque))
+        pushed = self._still_high - self._still_low > self.limits.stuck_torque_nm
+        return bool(np.count_nonzero(pushed)) and bool((pushed & (now - self._still_since > self.limits.stuck_s)).any())

@@ -15,36 +15,41 @@ import numpy as np
 
 from control.joints import JOINT_COUNT
 from sim.backends.hardware.config import HardwareConfig
+from sim.backends.hardware.robot import SENSOR_COUNT
 from sim.backends.protocol import BackendError
 from sim.shared_record import SharedRecord, size_of
 
-IO_STATE = np.dtype(
+IO_TICK = np.dtype(
     [
         ("sequence", "u8"),
         ("time_s", "f8"),  # monotonic, of the tick
-        ("pid", "u4"),
-        ("state", "u1"),  # DriveState
-        ("faults", "u4"),  # Trip bits
-        ("warnings", "u4"),
-        ("message", "S400"),
-        ("engaging", "?"),
-        ("progress", "f4"),
-        ("dry_run", "?"),
         ("control_heard_s", "f8"),  # monotonic, newest sign of life of a control process
-        ("ending", "?"),  # it was told to end, and damps until the robot is at rest
-        ("realtime_scheduling", "?"),
-        ("request_sequence", "u8"),  # of the last request that was handled
-        ("refused", "?"),  # that request was; message says why
-        ("has_frame", "?"),
         ("base_received_s", "f8"),  # monotonic
         ("arm_received_s", "f8"),
-        ("orientation_wxyz", "f8", 4),
-        ("angular_velocity", "f8", 3),
-        ("linear_acceleration", "f8", 3),
-        ("joint_position", "f8", JOINT_COUNT),
-        ("joint_velocity", "f8", JOINT_COUNT),
-        ("joint_torque", "f8", JOINT_COUNT),
-        ("temperature", "f4", JOINT_COUNT),  # NaN until heard, as torque and battery
+        ("request_sequence", "u8"),  # of the last request that was handled
+        ("tick_work_ms", "f4"),
+        ("worst_period_ms", "f4"),  # of the last second
+        ("faults", "u4"),  # Trip bits
+        ("state", "u1"),  # DriveState
+        ("engaging", "?"),
+        ("refused", "?"),  # the last request was; message says why
+        ("has_frame", "?"),
+        ("ending", "?"),  # it was told to end, and damps until the robot is at rest
+        ("realtime_scheduling", "?"),
+    ]
+)
+"""What is new at every tick, in the order in which IoLoop fills it."""
+
+IO_STATE = np.dtype(
+    [
+        ("sensors", "f8", SENSOR_COUNT),  # sim.backends.hardware.robot.sensor_frame; NaN until heard. First: so it is aligned
+        *IO_TICK.descr,
+        ("pid", "u4"),
+        ("dry_run", "?"),
+        ("warnings", "u4"),
+        ("message", "S400"),
+        ("progress", "f4"),
+        ("temperature", "f4", JOINT_COUNT),  # NaN until heard, as battery
         ("lost", "u4", 16),
         ("battery_percent", "f4"),
         ("battery_v", "f4"),
@@ -54,24 +59,18 @@ IO_STATE = np.dtype(
         ("bad_messages", "u8"),
         ("frames_sent", "u8"),
         ("foreign_writers", "u2"),
-        ("tick_work_ms", "f4"),
-        ("worst_period_ms", "f4"),  # of the last second
     ]
 )
 
 IO_COMMAND = np.dtype(
     [
+        ("targets", "f8", (5, JOINT_COUNT)),  # position, velocity, stiffness, damping, torque; first: so they are aligned
         ("sequence", "u8"),  # counts joint commands
         ("time_s", "f8"),  # monotonic, of the joint command
         ("alive_s", "f8"),  # monotonic, of the newest sign of life
         ("operator_silent_s", "f8"),
         ("request", "u1"),  # Request
         ("request_sequence", "u8"),
-        ("position", "f8", JOINT_COUNT),
-        ("velocity", "f8", JOINT_COUNT),
-        ("stiffness", "f8", JOINT_COUNT),
-        ("damping", "f8", JOINT_COUNT),
-        ("torque", "f8", JOINT_COUNT),
     ]
 )
 

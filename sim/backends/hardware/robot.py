@@ -3,7 +3,7 @@
 import numpy as np
 
 from control.joints import ARM_SLICE, JOINT_COUNT, LEG_SLICE, WHEEL_SLICE
-from control.types import JointCommand, SensorFrame
+from control.types import SensorFrame
 from sim.backends.hardware.limits import HardwareLimits
 from sim.backends.unitree.driver import BaseDriver, BaseReading
 from sim.backends.unitree.link import BaseLink
@@ -11,6 +11,14 @@ from sim.backends.unitree.motors import BASE_SLICE
 from sim.backends.z1.driver import ArmReading, Z1Config, Z1Driver
 
 _POKE_EVERY_S = 0.1
+_INERTIAL = slice(0, 10)
+SENSOR_COUNT = _INERTIAL.stop + 3 * JOINT_COUNT
+
+
+def sensor_frame(time_s: float, sensors: np.ndarray) -> SensorFrame:
+    """Views of `sensors`, (SENSOR_COUNT,): every field of a SensorFrame but its time, one after the other."""
+    joints = sensors[_INERTIAL.stop :].reshape(3, JOINT_COUNT)
+    return SensorFrame(time_s, sensors[0:4], sensors[4:7], sensors[7:10], joints[0], joints[1], joints[2])
 
 
 class Robot:
@@ -18,6 +26,8 @@ class Robot:
 
     Attributes:
         base, arm: the drivers, for their counters.
+        sensors: (SENSOR_COUNT,) numbers of the newest frame; joints: (3, 22) those of position, velocity and torque.
+        frame: newest sensor frame, None until base and arm have been heard. Time is that of the base's reception.
     """
 
     def __init__(self, link: BaseLink, arm: Z1Config, limits: HardwareLimits, dry_run: bool, echo_tick: bool = False) -> None:
@@ -25,11 +35,12 @@ class Robot:
         self.base = BaseDriver(link, echo_tick)
         self.arm = Z1Driver(arm)
         self.dry_run = dry_run
-        self._damping = np.zeros(BASE_SLICE.stop)
-        self._damping[LEG_SLICE], self._damping[WHEEL_SLICE] = limits.leg_damping, limits.wheel_damping
-        self._zero = np.zeros(BASE_SLICE.stop)
+        self._damping = np.zeros((5, BASE_SLICE.stop))
+        self._damping[3, LEG_SLICE], self._damping[3, WHEEL_SLICE] = limits.leg_damping, limits.wheel_damping
         self._poked_s = -np.inf
-        self._frame: SensorFrame | None = None
+        self.sensors = np.full(SENSOR_COUNT, np.nan)
+        self.joints = self.sensors[_INERTIAL.stop :].reshape(3, JOINT_COUNT)
+        self.frame: SensorFrame | None = None
 
     @property
     def readings(self) -> tuple[BaseReading, ArmReading] | None:
@@ -38,52 +49,42 @@ class Robot:
             return None
         return self.base.reading, self.arm.reading
 
-    @property
-    def frame(self) -> SensorFrame | None:
-        """Newest sensor frame, None until base and arm have been heard. Time is that of the base's reception."""
-        return self._frame
-
     def poll(self, now: float) -> bool:
         """Take in what has arrived; True when the base has a new state. `now` is monotonic seconds."""
         self.arm.poll(now)
         fresh = self.base.poll(now)
-        readings = self.readings
-        if fresh and readings is not None:
-            base, arm = readings
-            self._frame = SensorFrame(
-                time_s=now,
-                orientation_wxyz=base.orientation_wxyz,
-                angular_velocity=base.angular_velocity,
-                linear_acceleration=base.linear_acceleration,
-                joint_position=np.concatenate((base.position, arm.position)),
-                joint_velocity=np.concatenate((base.velocity, arm.velocity)),
-                joint_torque=np.concatenate((base.torque, arm.torque)),
-            )
+        base, arm = self.base.reading, self.arm.reading
+        if fresh and base is not None and arm is not None:
+            sensors = self.sensors = np.empty(SENSOR_COUNT)
+            joints = self.joints = sensors[_INERTIAL.stop :].reshape(3, JOINT_COUNT)
+            sensors[_INERTIAL] = base.inertial
+            joints[:, BASE_SLICE] = base.joints
+            joints[:, ARM_SLICE] = arm.joints
+            self.frame = sensor_frame(now, sensors)
         return fresh
 
     def temperature(self) -> np.ndarray:
         """(22,) degrees Celsius, NaN where unknown."""
         values = np.full(JOINT_COUNT, np.nan)
         if self.base.reading is not None:
-            values[BASE_SLICE] = self.base.reading.temperature
+            values[BASE_SLICE] = self.base.reading.motors.temperature
         if self.arm.reading is not None:
-            values[ARM_SLICE] = self.arm.reading.temperature
+            values[ARM_SLICE] = self.arm.reading.motors.temperature
         return values
 
-    def write(self, now: float, command: JointCommand) -> None:
-        """Send one command, arm first: the base's frame ends the tick."""
+    def write(self, now: float, targets: np.ndarray) -> None:
+        """Send position, velocity, stiffness, damping and torque, (5, 22), arm first: the base's frame ends the tick."""
         if self.dry_run:
             return
-        parts = (command.position, command.velocity, command.stiffness, command.damping, command.torque)
-        self.arm.write(now, *(part[ARM_SLICE] for part in parts))
-        self.base.write(*(part[BASE_SLICE] for part in parts))
+        self.arm.write(now, targets[:, ARM_SLICE])
+        self.base.write(targets[:, BASE_SLICE])
 
     def damp(self) -> None:
         """Damp everything: no stiffness, no feed-forward; independent of any measurement."""
         if self.dry_run:
             return
         self.arm.damp()
-        self.base.write(self._zero, self._zero, self._zero, self._damping, self._zero)
+        self.base.write(self._damping)
 
     def observe(self, now: float) -> None:
         """Keep an arm that speaks only when spoken to speaking, with frames that ask for nothing."""

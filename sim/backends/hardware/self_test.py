@@ -23,7 +23,7 @@ class SelfTest:
         self._received = robot.base.received
         self._bad = robot.base.bad_samples + robot.arm.bad_frames
         self._foreign = robot.base.link.foreign_frames()
-        self._lost = None if robot.base.reading is None else robot.base.reading.lost.astype(np.int64)
+        self._lost = None if robot.base.reading is None else robot.base.reading.motors.lost.astype(np.int64)
         self._unhealthy = Trip.NONE
         self.done = False
         self.failures: tuple[str, ...] = ()
@@ -58,13 +58,13 @@ class SelfTest:
         bad = robot.base.bad_samples + robot.arm.bad_frames - self._bad
         if bad:
             failures.append(f"{bad} messages were unsound (CRC, length); none may be")
-        if not base.active.all():
+        if not base.motors.active:
             failures.append("a motor of the base is not in servo mode")
         if self._lost is not None:
             allowed = limits.self_test_lost_fraction * len(self._periods)
-            if ((base.lost.astype(np.int64) - self._lost) > allowed).any():
+            if ((base.motors.lost.astype(np.int64) - self._lost) > allowed).any():
                 failures.append("a motor of the base loses packets")
-        tilt = math.acos(np.clip(rotation_from_quaternion(base.orientation_wxyz)[2, 2], -1.0, 1.0))
+        tilt = math.acos(np.clip(rotation_from_quaternion(base.inertial[:4])[2, 2], -1.0, 1.0))
         if not tilt < limits.self_test_tilt_rad:
             failures.append(f"the base is tilted by {tilt:.2f} rad; lay the robot flat (below {limits.self_test_tilt_rad} rad)")
         if base.battery_percent < limits.battery_engage_percent:

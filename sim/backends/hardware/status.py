@@ -67,7 +67,7 @@ def status_from_record(record: np.void, now: float) -> HardwareStatus:
     """HardwareStatus of an IO_STATE record at monotonic time `now`."""
     heard = bool(np.isfinite(record["battery_percent"]))
     lost = [int(value) if heard else None for value in record["lost"]] + [None] * (JOINT_COUNT - 16)
-    motors = zip(JOINT_NAMES, record["temperature"], record["joint_torque"], lost, strict=True)
+    motors = zip(JOINT_NAMES, record["temperature"], record["sensors"][-JOINT_COUNT:], lost, strict=True)
     return HardwareStatus(
         state=DriveState(int(record["state"])),
         faults=tuple(describe(Trip(int(record["faults"])))),

@@ -1,6 +1,6 @@
 """The state machine of the drives: what is asked, what is healthy, and so what is sent, at every 2 ms tick."""
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from sim.backends.hardware.states import ACTIVE, ALLOWED_FROM, DriveState, Reque
 from sim.backends.unitree.mode_release import ModeRelease
 from sim.backends.z1.frames import ArmMode
 
+_SILENT = Trip.STALE_STATE | Trip.STALE_ARM
 _HINT = {
     Request.ENGAGE: "engage from OBSERVE",
     Request.STAND: "stand up from DAMPED",
@@ -27,8 +28,7 @@ _HINT = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class ControlInput:
+class ControlInput(NamedTuple):
     """What the control process has said, newest first.
 
     Attributes:
@@ -59,7 +59,7 @@ class Supervisor:
         message: last refusal, self-test failure or fault, for the operator.
         request_sequence: of the last request that was handled.
         refused: whether that request was; message says why.
-        sent: command of the last tick, or None when it damped or was silent.
+        sent: targets (5, 22) of the last tick, or None when it damped or was silent.
     """
 
     def __init__(self, config: HardwareConfig, robot: Robot, position_lower: np.ndarray, position_upper: np.ndarray) -> None:
@@ -69,7 +69,7 @@ class Supervisor:
         self.message = ""
         self.request_sequence = 0
         self.refused = False
-        self.sent: JointCommand | None = None
+        self.sent: np.ndarray | None = None
         self._robot = robot
         self._monitor = HealthMonitor(config.limits, position_lower, position_upper)
         self._limiter = CommandLimiter(config.limits, position_lower, position_upper)
@@ -116,7 +116,7 @@ class Supervisor:
         self._connect(now, health)
         self._disown_restarted()
         damp = self._reasons_to_damp(health, control)
-        self.warnings = health.warn | health.sit
+        self.warnings = health.warn | health.sit if health.sit else health.warn
         if self.state == DriveState.POLICY and control.command_age_s > self.config.limits.command_hold_s:
             self.warnings |= Trip.STALE_COMMAND
         if damp and (self.state not in (DriveState.DISCONNECTED, DriveState.OBSERVE, DriveState.FAULT)):
@@ -149,14 +149,16 @@ class Supervisor:
 
     def _connect(self, now: float, health: Health) -> None:
         """DISCONNECTED and OBSERVE follow whether states arrive."""
-        silent = bool(health.damp & (Trip.STALE_STATE | Trip.STALE_ARM)) or self._robot.readings is None
+        if self.state not in (DriveState.DISCONNECTED, DriveState.OBSERVE):
+            return
+        silent = bool(health.damp & _SILENT) or self._robot.readings is None
         if self.state == DriveState.DISCONNECTED and not silent:
             self._enter(DriveState.OBSERVE, now)
         elif self.state == DriveState.OBSERVE and silent and not self.engaging:
             self._enter(DriveState.DISCONNECTED, now)
 
     def _reasons_to_damp(self, health: Health, control: ControlInput) -> Trip:
-        limits, damp = self.config.limits, health.damp | control.estop
+        limits, damp = self.config.limits, health.damp | control.estop if control.estop else health.damp
         if self.state not in ACTIVE:
             # Damping already: a hot motor, a joint at its end or a silent operator changes nothing.
             return damp & (Trip.ESTOP | Trip.REMOTE_STOP | Trip.SIGNAL | Trip.FOREIGN_WRITER | Trip.STALE_STATE)
@@ -255,10 +257,11 @@ class Supervisor:
         if command is None:
             self._robot.damp()
             return
-        command, clipped = self._limiter.limit(command, frame)
-        self.warnings |= Trip.TORQUE_CLIPPED if clipped else Trip.NONE
-        self._robot.write(now, command)
-        self.sent = command
+        targets, clipped = self._limiter.limit(command, self._robot.joints)
+        if clipped:
+            self.warnings |= Trip.TORQUE_CLIPPED
+        self._robot.write(now, targets)
+        self.sent = targets
         if finished:
             self._finish(now, frame)
 

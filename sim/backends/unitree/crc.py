@@ -17,6 +17,6 @@ def crc32_mpeg2(data: bytes) -> int:
     return int.from_bytes(register.to_bytes(4, "big").translate(_REFLECTED), "little")
 
 
-def crc_of_words(image: np.ndarray) -> int:
-    """CRC of a memory image, uint8 of a multiple of 4 bytes, taken as little-endian 32-bit words."""
-    return crc32_mpeg2(image.view("<u4").byteswap().tobytes())
+def in_word_order(image: np.ndarray) -> np.ndarray:
+    """A memory image of little-endian 32-bit words, or an index of its bytes, in the order in which the CRC takes them."""
+    return image.reshape(-1, 4)[:, ::-1].ravel()

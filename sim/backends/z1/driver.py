@@ -6,23 +6,32 @@ the pose measured at the switch, and stiffness rises from zero.
 
 import socket
 from dataclasses import dataclass
+from functools import lru_cache
 from ipaddress import IPv4Address
+from typing import NamedTuple
 
 import numpy as np
 
 from sim.backends.protocol import BackendError
+from sim.backends.wire_fields import byte_index
 from sim.backends.z1.frames import (
+    COMMAND_FRAME,
     DAMPING_PER_WIRE_UNIT,
     JOINT_COUNT,
+    MOTOR_STATE,
     STATE_FRAME,
     STIFFNESS_PER_WIRE_UNIT,
     ArmMode,
     FrameError,
-    decode,
+    check,
     new_command,
 )
 
 _MAX_DATAGRAM = 4096
+_JOINTS = byte_index(STATE_FRAME, "joint", ("position", "velocity", "torque"), range(JOINT_COUNT))
+_MOTORS = byte_index(STATE_FRAME, "joint", ("motor",), range(JOINT_COUNT))[0]
+_TARGETS = byte_index(COMMAND_FRAME, "joint", ("position", "velocity", "k_p", "k_w", "torque"), range(JOINT_COUNT))
+_WIRE_UNITS = np.array([1.0, 1.0, STIFFNESS_PER_WIRE_UNIT, DAMPING_PER_WIRE_UNIT, 1.0])[:, None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,17 +63,20 @@ class Z1Config:
         return IPv4Address(self.host).is_loopback
 
 
-@dataclass(frozen=True, slots=True)
-class ArmReading:
-    """One state of the arm: (6,) each, SI; motor temperatures in degrees Celsius, motor faults as the vendor's bits."""
+class ArmMotorsReading(NamedTuple):
+    """What changes slowly: (6,) temperatures in degrees Celsius, the `hottest` of them, whether any motor has a fault."""
+
+    temperature: np.ndarray
+    hottest: float
+    faulty: bool
+
+
+class ArmReading(NamedTuple):
+    """One state of the arm: (3, 6) position in rad, velocity in rad/s, torque in N m; health of the motors."""
 
     mode: ArmMode
-    position: np.ndarray
-    velocity: np.ndarray
-    torque: np.ndarray
-    temperature: np.ndarray
-    error: np.ndarray
-    disconnected: np.ndarray
+    joints: np.ndarray
+    motors: ArmMotorsReading
 
 
 class Z1Driver:
@@ -85,6 +97,7 @@ class Z1Driver:
             ) from error
         self._socket.setblocking(False)
         self._frame = new_command()
+        self._frame_bytes = self._frame.view(np.uint8)
         self._entered_s: float | None = None
         self._hold = np.zeros(JOINT_COUNT)
         self.reading: ArmReading | None = None
@@ -105,35 +118,27 @@ class Z1Driver:
             if sender[0] != self._peer[0]:
                 continue
             try:
-                record = decode(data, STATE_FRAME)
+                mode = check(data, STATE_FRAME)
             except FrameError:
                 self.bad_frames += 1
                 continue
-            self.reading = _reading(record)
+            self.reading = _reading(mode, np.frombuffer(data, np.uint8))
             self.received += 1
             self.received_s = now
             fresh = True
 
-    def write(
-        self,
-        now: float,
-        position: np.ndarray,
-        velocity: np.ndarray,
-        stiffness: np.ndarray,
-        damping: np.ndarray,
-        torque: np.ndarray,
-    ) -> None:
-        """Send low-level targets, (6,) each in SI, switching z1_ctrl to LOWCMD first.
+    def write(self, now: float, targets: np.ndarray) -> None:
+        """Send position, velocity, stiffness, damping and torque, (5, 6) in SI, switching z1_ctrl to LOWCMD first.
 
         Until it reports LOWCMD the pose measured at the switch is sent without stiffness; then stiffness rises.
         """
         reading = self.reading
         if reading is None:
             return
-        joint = self._frame["joint"][0]
+        values = targets / _WIRE_UNITS
         if reading.mode != ArmMode.LOWCMD:
             self._entered_s = None
-            self._hold = reading.position
+            self._hold = reading.joints[0]
             self._frame["mode"] = ArmMode.LOWCMD
             rise = 0.0
         else:
@@ -141,11 +146,12 @@ class Z1Driver:
                 self._entered_s = now
             self._frame["mode"] = ArmMode.INVALID
             rise = min(1.0, (now - self._entered_s) / self.config.gain_ramp_s)
-        joint["position"][:JOINT_COUNT] = position if rise > 0.0 else self._hold
-        joint["velocity"][:JOINT_COUNT] = velocity if rise > 0.0 else 0.0
-        joint["torque"][:JOINT_COUNT] = rise * torque
-        joint["k_p"][:JOINT_COUNT] = rise / STIFFNESS_PER_WIRE_UNIT * stiffness
-        joint["k_w"][:JOINT_COUNT] = damping / DAMPING_PER_WIRE_UNIT
+        if rise == 0.0:
+            values[0], values[1] = self._hold, 0.0
+        if rise < 1.0:
+            values[2] *= rise
+            values[4] *= rise
+        self._frame_bytes[_TARGETS] = values.astype("<f4").view(np.uint8)
         self._send()
 
     def damp(self) -> None:
@@ -172,16 +178,17 @@ class Z1Driver:
             return
 
 
-def _reading(record: np.void) -> ArmReading:
-    joint = record["joint"][:JOINT_COUNT]
-    motor = joint["motor"]
-    return ArmReading(
-        ArmMode(int(record["mode"])),
-        joint["position"].astype(float),
-        joint["velocity"].astype(float),
-        joint["torque"].astype(float),
-        motor["temperature"].max(axis=1).astype(float),
-        (motor["error"][:, 0] | motor["error"][:, 1]) & ~np.uint8(0x40),
-        # The upper two bits; the packed C bit field fills a byte from below.
-        (motor["connected"] >> 6).max(axis=1) == 1,
-    )
+def _reading(mode: ArmMode, data: np.ndarray) -> ArmReading:
+    joints = data[_JOINTS].view("<f4").astype(float)
+    return ArmReading(mode, joints, _motors_reading(data[_MOTORS].tobytes()))
+
+
+@lru_cache(maxsize=4)
+def _motors_reading(data: bytes) -> ArmMotorsReading:
+    """Of the bytes behind _MOTORS, which stay the same over many states."""
+    motor = np.frombuffer(data, MOTOR_STATE).reshape(JOINT_COUNT, 2)
+    temperature = motor["temperature"].max(axis=1).astype(float)
+    error = (motor["error"][:, 0] | motor["error"][:, 1]) & ~np.uint8(0x40)
+    # The upper two bits; the packed C bit field fills a byte from below.
+    disconnected = (motor["connected"] >> 6).max(axis=1) == 1
+    return ArmMotorsReading(temperature, float(temperature.max()), bool(error.any() or disconnected.any()))

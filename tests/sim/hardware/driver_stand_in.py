@@ -26,7 +26,7 @@ def connect(domain: int) -> BaseDriver:
     driver = BaseDriver(DdsBaseLink(DdsConfig(domain)))
     while not driver.poll(0.0):
         driver.link.wait(0.1)
-    driver.write(*np.zeros((5, 16)))
+    driver.write(np.zeros((5, 16)))
     return driver
 
 

@@ -16,6 +16,7 @@ pytest.importorskip("cyclonedds", reason="extra 'hardware' is not installed")
 
 from control.joints import DAMPING, NOMINAL_POSITION, STIFFNESS
 from control.types import JointCommand
+from sim.backends.hardware.command_limiter import stack
 from sim.backends.hardware.limits import HardwareLimits
 from sim.backends.hardware.robot import Robot
 from sim.backends.hardware_backend import unavailable_because
@@ -76,7 +77,7 @@ def drive(robot: Robot, goal: np.ndarray, steps: int) -> list[np.ndarray]:
         target = start + min(1.0, 1.5 * step / steps) * (goal - start)
         answered_s = time_s
         while time_s == answered_s:  # a state that comes again is answered again
-            robot.write(time_s, JointCommand(target, zero, 2.0 * STIFFNESS, DAMPING))
+            robot.write(time_s, stack(JointCommand(target, zero, 2.0 * STIFFNESS, DAMPING)))
             time_s = next_state(robot)
         measured.append(robot.frame.joint_position.copy())
     return measured

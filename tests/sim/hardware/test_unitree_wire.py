@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from control.joints import JOINT_NAMES
 from sim.backends.unitree import motors
-from sim.backends.unitree.crc import crc32_mpeg2, crc_of_words
+from sim.backends.unitree.crc import crc32_mpeg2, in_word_order
 from sim.backends.unitree.layout import LOW_COMMAND, LOW_STATE
 from sim.backends.unitree.messages import LowCommand, LowState, WireError
 
@@ -87,7 +87,7 @@ def test_crc_equals_the_bitwise_definition(data: bytes) -> None:
         for bit in range(31, -1, -1):
             feedback = (register >> 31) ^ (word >> bit & 1)
             register = (register << 1 & 0xFFFFFFFF) ^ (0x04C11DB7 if feedback else 0)
-    assert crc_of_words(np.frombuffer(data, np.uint8)) == register
+    assert crc32_mpeg2(in_word_order(np.frombuffer(data, np.uint8)).tobytes()) == register
 
 
 @given(st.integers(4, 807), st.integers(0, 7))

@@ -146,15 +146,11 @@ def test_a_robot_on_the_vendor_version(start: Callable[[str], Peer]) -> None:
     reading = driver.reading
     assert reading is not None and driver.bad_samples == 0
     slot = SLOT_OF_JOINT.astype(float)
-    np.testing.assert_array_equal(reading.position, 0.25 * slot)
-    np.testing.assert_array_equal(reading.velocity, -0.5 * slot)
-    np.testing.assert_array_equal(reading.torque, 1.5 * slot)
-    np.testing.assert_array_equal(reading.temperature, 30.0 + slot)
-    np.testing.assert_array_equal(reading.lost, 100 + SLOT_OF_JOINT)
-    np.testing.assert_array_equal(reading.orientation_wxyz, [0.5, -0.5, 0.5, -0.5])
-    np.testing.assert_array_equal(reading.angular_velocity, [0.25, 0.5, 0.75])
-    np.testing.assert_array_equal(reading.linear_acceleration, [1.5, -2.5, 9.75])
-    assert reading.active.all() and reading.remote_stop
+    np.testing.assert_array_equal(reading.joints, [0.25 * slot, -0.5 * slot, 1.5 * slot])
+    np.testing.assert_array_equal(reading.motors.temperature, 30.0 + slot)
+    np.testing.assert_array_equal(reading.motors.lost, 100 + SLOT_OF_JOINT)
+    np.testing.assert_array_equal(reading.inertial, [0.5, -0.5, 0.5, -0.5, 0.25, 0.5, 0.75, 1.5, -2.5, 9.75])
+    assert reading.motors.active and reading.motors.hottest == 45.0 and reading.remote_stop
     assert (reading.battery_percent, reading.battery_v) == (77, 28.5)
 
     release = ModeRelease(driver.link, 0.0, PATIENCE_S)
@@ -170,7 +166,7 @@ def test_a_robot_on_the_vendor_version(start: Callable[[str], Peer]) -> None:
     values = np.linspace(-1.0, 2.0, 16)
 
     def answered() -> bool:
-        driver.write(values, 2 * values, values**2, 3 * values**2, 4 * values)
+        driver.write(np.array([values, 2 * values, values**2, 3 * values**2, 4 * values]))
         return peer.heard()["sound"] > 0
 
     wait_for(answered)
@@ -231,7 +227,7 @@ def test_the_peer_outlives_our_coming_and_going(
     before = peer.heard()["sound"]
 
     def heard() -> bool:
-        last.write(*np.zeros((5, 16)))
+        last.write(np.zeros((5, 16)))
         return last.poll(0.0) and peer.heard()["sound"] > before
 
     wait_for(heard)

@@ -90,17 +90,17 @@ def obeyed(controller: ArmController) -> np.ndarray:
     return controller._joint
 
 
-def exchange(driver: Z1Driver, controller: ArmController, body: StillBody, command: list[np.ndarray]) -> None:
+def exchange(driver: Z1Driver, controller: ArmController, body: StillBody, command: np.ndarray) -> None:
     body.time_s += 0.002
     controller.publish()
     assert driver.poll(body.time_s)
-    driver.write(body.time_s, *command)
+    driver.write(body.time_s, command)
     controller.receive()
 
 
 def test_low_level_mode_is_entered_without_stiffness_and_then_kept_by_invalid_frames(arm: Arm) -> None:
     driver, controller, body = arm
-    command = [np.full(6, value) for value in (0.3, 0.0, 25.6, 0.64, 2.0)]
+    command = np.tile([[0.3], [0.0], [25.6], [0.64], [2.0]], 6)
     exchange(driver, controller, body, command)
     assert controller.mode == ArmMode.LOWCMD and not obeyed(controller)["k_p"].any()
     np.testing.assert_allclose(obeyed(controller)["position"], StillBody.frame.joint_position[16:], rtol=1e-6)
@@ -119,7 +119,7 @@ def test_low_level_mode_is_entered_without_stiffness_and_then_kept_by_invalid_fr
 
 def test_damping_is_passive_mode(arm: Arm) -> None:
     driver, controller, body = arm
-    exchange(driver, controller, body, [np.zeros(6)] * 5)
+    exchange(driver, controller, body, np.zeros((5, 6)))
     driver.damp()
     controller.receive()
     assert controller.mode == ArmMode.PASSIVE
@@ -148,12 +148,12 @@ class DeadNetwork:
 
 def test_a_network_that_goes_away_is_silence(arm: Arm, monkeypatch: pytest.MonkeyPatch) -> None:
     driver, controller, body = arm
-    exchange(driver, controller, body, [np.zeros(6)] * 5)
+    exchange(driver, controller, body, np.zeros((5, 6)))
     heard_s = driver.received_s
     with monkeypatch.context() as dead:
         dead.setattr(driver, "_socket", DeadNetwork())
-        for act in (driver.damp, driver.poke, lambda: driver.write(1.0, *[np.zeros(6)] * 5)):
+        for act in (driver.damp, driver.poke, lambda: driver.write(1.0, np.zeros((5, 6)))):
             act()
             assert not driver.poll(1.0)
     assert driver.received_s == heard_s
-    exchange(driver, controller, body, [np.zeros(6)] * 5)
+    exchange(driver, controller, body, np.zeros((5, 6)))
