@@ -65,7 +65,7 @@ def status_html(status: HardwareStatus | None) -> str:
         f"<div>Latency, state to command {status.tick_work_ms:.1f} ms; longest period {status.worst_period_ms:.1f} ms</div>",
         f"<div>{status.states_received} states, {status.states_missed} missed, {status.bad_messages} unsound; "
         f"{status.frames_sent} commands sent</div>",
-        f"<div>Battery {status.battery_percent} %, {status.battery_v:.1f} V</div>",
+        f"<div>Battery {_battery(status)}</div>",
     ]
     return _box(rows, motors_html(status))
 
@@ -77,12 +77,17 @@ def motors_html(status: HardwareStatus) -> str:
         hot = "" if motor.temperature_c < HOT_C else f' style="color:{theme.css(theme.CONE_EXCEEDED)}"'
         lost = "–" if motor.lost is None else str(motor.lost)
         temperature = f"{motor.temperature_c:.0f}" if np.isfinite(motor.temperature_c) else "–"
+        torque = f"{motor.torque_nm:.1f}" if np.isfinite(motor.torque_nm) else "–"
         rows.append(
             f"<tr{hot}><td>{motor.name}</td><td align=right>{temperature}</td>"
-            f"<td align=right>{motor.torque_nm:.1f}</td><td align=right>{lost}</td></tr>"
+            f"<td align=right>{torque}</td><td align=right>{lost}</td></tr>"
         )
     head = "<tr><th align=left>Motor</th><th align=right>°C</th><th align=right>N m</th><th align=right>lost</th></tr>"
     return f'<table style="width:100%" data-forcelens="motors">{head}{"".join(rows)}</table>'
+
+
+def _battery(status: HardwareStatus) -> str:
+    return "unknown" if status.battery_percent is None else f"{status.battery_percent} %, {status.battery_v:.1f} V"
 
 
 def _age(age_s: float) -> str:

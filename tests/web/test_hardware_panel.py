@@ -94,6 +94,8 @@ def test_the_page_says_what_it_was_proved_on(status: HardwareStatus) -> None:
     assert "DRY RUN" not in status_html(status)
     assert all(f"<td>{joint}</td>" in text for joint in JOINT_NAMES)
     assert "41" in text and "77 %" in text
+    unheard = status_html(replace(status, battery_percent=None, battery_v=float("nan")))
+    assert "Battery unknown" in unheard
 
 
 def test_a_hot_motor_and_one_that_counts_no_losses(status: HardwareStatus) -> None:
