@@ -51,7 +51,7 @@ class Watch:
         return np.array(pairs)
 
     def skipped(self) -> int:
-        """States between the first and the last answered one that no frame answers: a newer one came along, or they were lost."""
+        """States between the first and the last answered one that no frame answers: mostly because a newer one was there."""
         answered = set(self.frame_tick_ms.tolist())
         inside = (self.state_tick_ms >= min(answered)) & (self.state_tick_ms <= max(answered))
         return sum(tick not in answered for tick in self.state_tick_ms[inside].tolist())
