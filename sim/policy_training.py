@@ -26,7 +26,7 @@ from sim.training_env import PRIVILEGED_SIZE, TrainingEnv, TrainingEnvConfig
 logger = logging.getLogger("train_policy")
 
 SCHEMA = 1
-_FROM_SCRATCH = PpoConfig(actor_rate=1e-3, epochs=5, entropy=0.002, critic_only=0)
+_FROM_SCRATCH = PpoConfig(actor_rate=1e-3, epochs=5, minibatches=4, target_kl=0.012, entropy=0.002, critic_only=0)
 
 
 @dataclass(frozen=True, slots=True)

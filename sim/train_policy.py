@@ -8,6 +8,7 @@ go to the run folder; the same command continues a run that was cut off. Several
 import argparse
 import logging
 import shlex
+import shutil
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -85,8 +86,10 @@ def main(arguments: list[str] | None = None) -> None:
     for total, seed in totals:
         logger.info("seed %d: score %.3f", seed, total)
     if len(jobs) > 1 and not options.from_scratch:
-        median = totals[len(totals) // 2][1]
-        train((folder / f"seed{median}", options.output, replace(config, seed=median), command))
+        best = folder / f"seed{totals[len(totals) // 2][1]}" / "best"
+        options.output.mkdir(parents=True, exist_ok=True)
+        for file in (f"{name}.npz", f"{name}.json"):
+            shutil.copy2(best / file, options.output / file)
 
 
 if __name__ == "__main__":

@@ -49,10 +49,10 @@ class Randomization:
     """
 
     mass_scale: tuple[float, float] = (0.8, 1.2)
-    tool_mass_scale: tuple[float, float] = (0.85, 1.25)
+    tool_mass_scale: tuple[float, float] = (0.8, 1.2)
     wheel_friction: tuple[float, float] = (0.5, 1.4)
     gain_scale: tuple[float, float] = (0.9, 1.1)
-    dry_friction_share: float = 0.25
+    dry_friction_share: float = 0.5
     dry_friction_nm: tuple[float, float] = (0.1, 0.3)
     late_share: float = 0.3
 
