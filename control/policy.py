@@ -87,7 +87,7 @@ def make_policy(directory: Path, name: str, model: RobotModel) -> PolicyControll
 
 
 def make_policies(directory: Path | None, model: RobotModel) -> dict[str, Controller]:
-    """The policies of `directory` that met the score, by name; none without a directory. `model` is the caller's.
+    """The policies of `directory`, by name, whatever they scored; none without a directory. `model` is the caller's.
 
     Raises:
         PolicyWeightsError: weights exist but do not fit.
@@ -95,4 +95,4 @@ def make_policies(directory: Path | None, model: RobotModel) -> dict[str, Contro
     if directory is None:
         return {}
     policies = (make_policy(directory, name, model) for name in available_policies(directory))
-    return {policy.manifest.name: policy for policy in policies if policy.manifest.meets_score}
+    return {policy.manifest.name: policy for policy in policies}

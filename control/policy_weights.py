@@ -38,7 +38,7 @@ class PolicyManifest:
         form: of the observation (control.observation).
         interface: everything of this code that the network depends on, see `interface`.
         layers: sizes from observation to action.
-        meets_score: scores at least as well as the model-based controller did, on the same trials.
+        meets_score: scores at least as well as the model-based controller did, on the same trials: what the default needs.
         sha256: of the npz file.
         training: command, commit, seed, steps.
         metrics: the score's parts, of the policy and of the model-based controller.

@@ -129,10 +129,10 @@ def test_a_damaged_manifest_is_refused(tmp_path: Path, content: str):
         load_policy("policy", tmp_path)
 
 
-def test_only_policies_that_met_the_score_are_offered(tmp_path: Path, model: RobotModel):
+def test_every_policy_is_offered_whatever_it_scored(tmp_path: Path, model: RobotModel):
     write_policy(tmp_path, EXTENDED_FORM, meets_score=True)
     write_policy(tmp_path, PAPER_FORM, meets_score=False)
-    assert set(make_policies(tmp_path, model)) == {"policy"}
+    assert set(make_policies(tmp_path, model)) == {"policy", "policy_paper"}
     assert make_policies(None, model) == {}
 
 
