@@ -60,7 +60,7 @@ class ArmConfig:
     force_integral_gain: float = 5.0
     force_integral_limit_n: float = 6.0
     force_error_limit_n: float = 8.0
-    force_velocity_feedback: float = 0.7
+    force_velocity_feedback: float = 0.5
     contact_share: float = 0.3
     contact_noise_n: float = 1.0
     approach_gain: float = 0.03
