@@ -138,7 +138,7 @@ class Ppo:
     def collect(self, env: VectorEnv) -> Rollout:
         """Act for `horizon` steps."""
         network, horizon, memory = self.network, self.config.horizon, self.config.noise_memory
-        noise: torch.Tensor | None = None
+        noise = torch.randn(len(env.observation), len(network.log_std))
         observations, privileged, actions, log_probabilities, rewards, dones, ended = ([] for _ in range(7))
         with torch.no_grad():
             for _ in range(horizon):
@@ -146,9 +146,8 @@ class Ppo:
                 observations.append(observation)
                 privileged.append(torch.from_numpy(env.privileged))
                 mean = network.mean(observation)
-                fresh = torch.randn_like(mean)
-                noise = fresh if noise is None else memory * noise + (1.0 - memory**2) ** 0.5 * fresh
                 action = network.sample(mean, noise)
+                noise = memory * noise + (1.0 - memory**2) ** 0.5 * torch.randn_like(noise)
                 outcome = env.step(action.numpy())
                 actions.append(action)
                 log_probabilities.append(network.log_probability(mean, action))
