@@ -10,8 +10,12 @@ from control.learning.rollout_data import SPLITS
 from sim.mismatch import Mismatch
 from sim.sensors import SensorConfig
 
-HELD_OUT_SHARES = {"validation": 0.3, "test": 0.06}
+HELD_OUT_SHARES = {"validation": 0.3, "test": 0.04}
 """Of all rollouts; the others train. Validation chooses epochs, shrinkage and sigma, so it needs several of every kind."""
+
+HELD_OUT_LENGTH = 2.0
+"""Over that of a training rollout. A robot's own error shows over as long a time as it is judged; training gains more from
+more robots."""
 
 TRAINING_PROFILES = ("hold", "sine", "slow", "spring")
 TRAINING_PROFILE_SHARES = (0.3, 0.3, 0.2, 0.2)
@@ -93,7 +97,7 @@ def plan_rollouts(seed: int, count: int, links: tuple[str, ...], duration_s: flo
         seed: of the data set.
         count: rollouts in all, at least one per split.
         links: bodies of the robot, for link masses.
-        duration_s: of each.
+        duration_s: of a training rollout; the others last HELD_OUT_LENGTH as long.
 
     Raises:
         ValueError: `count` is below the number of splits.
@@ -108,8 +112,10 @@ def plan_rollouts(seed: int, count: int, links: tuple[str, ...], duration_s: flo
         for number in range(size):
             index = len(plans)
             own_seed = seed * 1_000_000 + index * 10
-            draw = _training_plan if split == "train" else _evaluation_plan
-            plans.append(draw(index, split, own_seed, number, links, duration_s, random))
+            trains = split == "train"
+            draw = _training_plan if trains else _evaluation_plan
+            length = duration_s if trains else HELD_OUT_LENGTH * duration_s
+            plans.append(draw(index, split, own_seed, number, links, length, random))
     return plans
 
 

@@ -74,18 +74,20 @@ def test_random_motion_is_reproducible_and_moves_base_and_hand() -> None:
 
 
 def test_plans_split_rollouts_before_anything_runs() -> None:
-    plans = plan_rollouts(seed=7, count=200, links=LINKS, duration_s=20.0)
-    assert plans == plan_rollouts(seed=7, count=200, links=LINKS, duration_s=20.0)
-    assert plans != plan_rollouts(seed=8, count=200, links=LINKS, duration_s=20.0)
+    plans = plan_rollouts(seed=7, count=200, links=LINKS, duration_s=10.0)
+    assert plans == plan_rollouts(seed=7, count=200, links=LINKS, duration_s=10.0)
+    assert plans != plan_rollouts(seed=8, count=200, links=LINKS, duration_s=10.0)
     counts = {split: sum(plan.split == split for plan in plans) for split in SPLITS}
-    assert counts == {"train": 128, "validation": 60, "test": 12}
+    assert counts == {"train": 132, "validation": 60, "test": 8}
+    assert {plan.duration_s for plan in plans if plan.split == "train"} == {10.0}
+    assert {plan.duration_s for plan in plans if plan.split != "train"} == {20.0}
     # Attempts use the seeds that follow: no two rollouts ever share one.
     seeds = {plan.seed + attempt for plan in plans for attempt in range(8)}
     assert len(seeds) == 8 * len(plans)
 
 
 def test_held_out_plans_cover_every_cell_and_training_is_randomised() -> None:
-    plans = plan_rollouts(seed=7, count=280, links=LINKS, duration_s=20.0)
+    plans = plan_rollouts(seed=7, count=400, links=LINKS, duration_s=10.0)
     for split in ("validation", "test"):
         cells = {(p.profile, "link" if p.per_link else p.mass_scale) for p in plans if p.split == split}
         assert cells == {(profile, kind) for profile in PROFILES for kind in (0.8, 1.0, 1.2, "link")}
