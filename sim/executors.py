@@ -1,6 +1,7 @@
 """Maps a function over many arguments on local processes or on a Ray cluster; results come as they get ready."""
 
 import multiprocessing
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, TypeVar
 
@@ -42,9 +43,14 @@ def map_unordered(
 
 
 def _local(function: Callable[[Argument], Result], arguments: Sequence[Argument], workers: int) -> Iterator[Result]:
-    # Spawned processes: forked ones would share the state of MuJoCo and BLAS.
-    with multiprocessing.get_context("spawn").Pool(workers) as pool:
-        yield from pool.imap_unordered(function, arguments)
+    # Spawned processes: forked ones would share the state of MuJoCo and BLAS. They may have processes of their own.
+    with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool:
+        try:
+            for future in as_completed([pool.submit(function, argument) for argument in arguments]):
+                yield future.result()
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
 
 
 def _ray(

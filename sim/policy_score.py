@@ -11,7 +11,8 @@ import numpy as np
 
 from control.controller import Controller
 from control.robot_model import RobotModel
-from sim.benchmarks.policy_trials import Errors, TrialSetup, drag_box, random_commands
+from sim.benchmarks.policy_trials import DragResult, Errors, TrialSetup, drag_box, random_commands
+from sim.executors import map_unordered
 
 BARS = {
     "velocity_mps": 0.05,
@@ -23,8 +24,8 @@ BARS = {
     "box_y_n": 0.8,
     "box_z_n": 1.5,
 }
-BOX_MASS_SCALES = (0.8, 1.0, 1.2)
-"""Of the robot, one drag each: with the same mass everything rests on one draw of the sensors' errors."""
+MASS_SCALES = (0.8, 1.0, 1.2)
+"""Of the robot, which the controller is not told: a third of the random commands and a box drag each."""
 
 FALL_COST = 1.0
 """What one fall in the score's trials adds."""
@@ -53,19 +54,28 @@ def settled_position_cm(errors: Errors) -> float:
 
 
 def score_controller(
-    name: str, make: Callable[[RobotModel], Controller] | None, seed: int, minutes: float, estimator: str = "adaptive"
+    name: str, make: Callable[[RobotModel], Controller] | None, seed: int, minutes: float, workers: int = 1
 ) -> Score:
     """Score a controller on `minutes` of random commands and a box drag at each mass scale.
 
     Args:
-        name, make: see TrialSetup.
+        name, make: see TrialSetup; picklable.
         seed: of the trials.
         minutes: robot-minutes of random commands.
-        estimator: that feeds the controller.
+        workers: trials at a time; they do not change the score.
     """
-    setup = TrialSetup(controller=name, make=make, estimator=estimator)
-    errors = random_commands(setup, seed, minutes)
-    boxes = [drag_box(replace(setup, mass_scale=scale), seed + index) for index, scale in enumerate(BOX_MASS_SCALES)]
+    setup = TrialSetup(controller=name, make=make)
+    jobs = []
+    for index, scale in enumerate(MASS_SCALES):
+        scaled = replace(setup, mass_scale=scale)
+        jobs += [(scaled, seed + 100 * index, minutes / len(MASS_SCALES)), (scaled, seed + index, 0.0)]
+    # The long ones first.
+    results = list(map_unordered("local", _trial, sorted(jobs, key=lambda job: -job[2]), workers))
+    boxes = [result for result in results if isinstance(result, DragResult)]
+    errors = Errors()
+    for result in results:
+        if isinstance(result, Errors):
+            errors.add(result)
     parts = {
         "velocity_mps": rms(np.array(errors.forward)),
         "yaw_rps": rms(np.array(errors.yaw)),
@@ -79,3 +89,9 @@ def score_controller(
     ratios = [parts[part] / bar for part, bar in BARS.items() if np.isfinite(parts[part])]
     falls = errors.falls + sum(not box.kept for box in boxes)
     return Score(float(np.mean(ratios)) + FALL_COST * falls, parts, falls)
+
+
+def _trial(job: tuple[TrialSetup, int, float]) -> Errors | DragResult:
+    """Random commands for some minutes, or with none a box drag; importable by other processes."""
+    setup, seed, minutes = job
+    return random_commands(setup, seed, minutes) if minutes > 0.0 else drag_box(setup, seed)

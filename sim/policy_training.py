@@ -35,7 +35,7 @@ class PolicyTrainingConfig:
     name: of the weights.
     form: of the observation.
     seed: of initialisation, environment and noise.
-    count, threads: robots, and CPU threads of physics and networks.
+    count, threads: robots; CPU threads of physics and networks, and trials of a score at a time.
     imitation_steps: environment steps of DAgger; 0 to learn from scratch. The residual form has nothing to imitate.
     ppo_iterations: after it.
     score_every: iterations between two scores.
@@ -59,9 +59,9 @@ class PolicyTrainingConfig:
     verification_seed: int = 7500
     warm_std: float = 0.1
     scratch_std: float = 0.6
-    residual_std: float = 0.06
-    correction_penalty: float = 4.0
-    noise_memory: float = 0.8
+    residual_std: float = 0.08
+    correction_penalty: float = 0.5
+    noise_memory: float = 0.6
     bfloat16: bool = True
     dagger: DaggerConfig = field(default_factory=DaggerConfig)
     ppo: PpoConfig = field(default_factory=PpoConfig)
@@ -112,7 +112,7 @@ class PolicyTraining:
     def reference(self) -> Score:
         """Score of the model-based controller on the same trials."""
         if self._reference is None:
-            self._reference = score_controller("model_based", None, self.config.score_seed, self.config.score_minutes)
+            self._reference = self._score_reference(self.config.score_seed)
             logger.info("model_based scores %.3f: %s", self._reference.total, _rounded(self._reference.parts))
         return self._reference
 
@@ -168,7 +168,7 @@ class PolicyTraining:
         config = self.config
         manifest, arrays = self._candidate(self.best["parameters"])
         score = self._score_candidate(manifest, arrays, config.verification_seed)
-        reference = score_controller("model_based", None, config.verification_seed, config.score_minutes)
+        reference = self._score_reference(config.verification_seed)
         training = {
             "command": command,
             "commit": commit(),
@@ -185,7 +185,10 @@ class PolicyTraining:
     def _score_candidate(self, manifest: PolicyManifest, arrays: dict[str, Any], seed: int) -> Score:
         save_policy(self.run, manifest, arrays)
         make = partial(make_policy, self.run, manifest.name)
-        return score_controller(manifest.name, make, seed, self.config.score_minutes)
+        return score_controller(manifest.name, make, seed, self.config.score_minutes, self.config.threads)
+
+    def _score_reference(self, seed: int) -> Score:
+        return score_controller("model_based", None, seed, self.config.score_minutes, self.config.threads)
 
     def _score(self) -> None:
         parameters = {name: tensor.detach().clone() for name, tensor in self.network.state_dict().items()}

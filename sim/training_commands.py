@@ -9,8 +9,9 @@ from control.guidance import GuidanceConfig
 from sim.benchmarks.control_trials import reachable_hands
 from sim.training_references import Commands
 
-FREE, FORCE, SLIDE, LEAD = range(4)
-"""Kinds of segment: no force axis; force axes against springs; dragging something that moves; a person leads the hand."""
+FREE, FORCE, TOUCH, SLIDE, LEAD = range(5)
+"""Kinds of segment: no force axis; force axes against springs that move; against something stiff that does not, like a table;
+dragging something; a person leads the hand."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,13 +20,15 @@ class CommandRanges:
     segment_s: length of a segment.
     stand_share: of segments with the base at rest; of the others, `turn_share` also turn.
     forward_mps, yaw_rps: base velocity.
-    kind_shares: of FREE, FORCE, SLIDE and LEAD segments.
-    all_axes_share: of FORCE segments with every axis on force.
+    kind_shares: of FREE, FORCE, TOUCH, SLIDE and LEAD segments.
+    all_axes_share: of segments with force axes that have every axis on force.
     force_n: largest force of an axis; `no_force_share` of axes ask for zero.
-    wave_share: of FORCE segments whose force also swings by up to `wave_part` of force_n.
+    wave_share: of FORCE and TOUCH segments whose force also swings by up to `wave_part` of force_n.
     wave_hz: its frequency.
     slide_force_n, slide_hz: amplitude and frequency of the lateral force that drags in SLIDE segments.
     press_n: downward force on what is dragged.
+    touch_reach_m: how far, per axis, TOUCH segments go along what they touch.
+    hands: number of reachable poses to draw from.
     """
 
     segment_s: tuple[float, float] = (3.0, 5.0)
@@ -33,7 +36,7 @@ class CommandRanges:
     turn_share: float = 0.7
     forward_mps: tuple[float, float] = (-0.55, 0.55)
     yaw_rps: tuple[float, float] = (-0.5, 0.5)
-    kind_shares: tuple[float, float, float, float] = (0.3, 0.38, 0.25, 0.07)
+    kind_shares: tuple[float, ...] = (0.28, 0.34, 0.1, 0.2, 0.08)
     all_axes_share: float = 0.25
     force_n: float = 25.0
     no_force_share: float = 0.15
@@ -43,6 +46,7 @@ class CommandRanges:
     slide_force_n: tuple[float, float] = (3.0, 12.0)
     slide_hz: tuple[float, float] = (0.15, 0.5)
     press_n: tuple[float, float] = (5.0, 25.0)
+    touch_reach_m: float = 0.08
     hands: int = 1500
 
 
@@ -68,24 +72,26 @@ class CommandSource:
         self._guidance = GuidanceConfig()
         self._led_force, self._rest = np.zeros((count, 3)), np.zeros((count, 3))
 
-    def draw(self, ids: np.ndarray, hand_position: np.ndarray) -> None:
-        """Start new segments of robots `ids` (m,), whose hands are at (m, 3) m in heading."""
+    def draw(self, ids: np.ndarray, hand_position: np.ndarray, hand_orientation: np.ndarray) -> None:
+        """Start new segments of robots `ids` (m,), whose hands are at (m, 3) m, (m, 4) wxyz in heading."""
         ranges, random, commands, count = self._ranges, self._random, self.commands, len(ids)
         self.time_s[ids] = 0.0
         self.duration_s[ids] = random.uniform(*ranges.segment_s, count)
-        kind = random.choice(4, count, p=ranges.kind_shares)
+        kind = random.choice(len(ranges.kind_shares), count, p=ranges.kind_shares)
         self.kind[ids] = kind
 
         velocity = np.zeros((count, 3))
-        moving = (random.random(count) > ranges.stand_share) & (kind != SLIDE) & (kind != LEAD)
+        moving = (random.random(count) > ranges.stand_share) & ((kind == FREE) | (kind == FORCE))
         velocity[:, 0] = moving * random.uniform(*ranges.forward_mps, count)
         velocity[:, 2] = moving * (random.random(count) < ranges.turn_share) * random.uniform(*ranges.yaw_rps, count)
         commands.base_velocity[ids] = velocity
 
         chosen = random.integers(len(self._positions), size=count)
-        commands.position[ids], commands.orientation[ids] = self._positions[chosen], self._orientations[chosen]
-        # What is dragged stands where the hand is, so that is where the hand stays on its position axes.
-        commands.position[ids[kind == SLIDE]] = hand_position[kind == SLIDE]
+        # What is touched or dragged, and who leads, is where the hand is, and a hand that is held cannot reach any pose.
+        stays = ((kind == TOUCH) | (kind == SLIDE) | (kind == LEAD))[:, None]
+        beside = hand_position + random.uniform(-1.0, 1.0, (count, 3)) * ranges.touch_reach_m * (kind == TOUCH)[:, None]
+        commands.position[ids] = np.where(stays, beside, self._positions[chosen])
+        commands.orientation[ids] = np.where(stays, hand_orientation, self._orientations[chosen])
 
         some = (random.random((count, 3)) < 0.5).astype(float)
         mask = np.where(random.random((count, 1)) < ranges.all_axes_share, 1.0, some)
@@ -100,7 +106,7 @@ class CommandSource:
         force = random.uniform(-ranges.force_n, ranges.force_n, (count, 3)) * mask
         force[random.random((count, 3)) < ranges.no_force_share] = 0.0
         amplitude = ranges.wave_part * ranges.force_n * random.random((count, 3)) * mask
-        amplitude *= (random.random((count, 1)) < ranges.wave_share) & (kind == FORCE)[:, None]
+        amplitude *= (random.random((count, 1)) < ranges.wave_share) & ((kind == FORCE) | (kind == TOUCH))[:, None]
         rate = 2.0 * np.pi * random.uniform(*ranges.wave_hz, count)
         slides = np.flatnonzero(kind == SLIDE)
         force[slides, axis[slides]] = 0.0

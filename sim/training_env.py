@@ -30,7 +30,7 @@ from sim.training_robot import SUBSTEPS, BatchedRobot, Randomization
 from sim.training_surroundings import SurroundingRanges, Surroundings
 from sim.training_teacher import BatchedTeacher
 
-PRIVILEGED_SIZE = 22
+PRIVILEGED_SIZE = 23
 _ALL = slice(None)
 
 TEACHER_ARM = replace(ArmConfig(), contact_share=0.0, load_gain=0.0)
@@ -39,15 +39,16 @@ TEACHER_ARM = replace(ArmConfig(), contact_share=0.0, load_gain=0.0)
 
 @dataclass(frozen=True, slots=True)
 class SensorNoise:
-    """Standard deviation of the white noise on what is observed."""
+    """Standard deviation of the white noise on what is observed, up to twice that of the full simulation's pipeline."""
 
-    joint_position_rad: float = 2e-3
-    joint_velocity_rps: float = 0.03
+    joint_position_rad: float = 1e-3
+    joint_velocity_rps: float = 0.02
     joint_torque_nm: float = 0.1
-    angular_velocity_rps: float = 0.01
-    gravity: float = 0.004
-    hand_position_m: float = 1e-3
-    rolling_velocity_mps: float = 0.008
+    angular_velocity_rps: float = 0.007
+    gravity: float = 5e-4
+    hand_position_m: float = 5e-4
+    hand_orientation_rad: float = 7e-4
+    rolling_velocity_mps: float = 0.005
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +59,7 @@ class TrainingEnvConfig:
     threads: int = 1
     seed: int = 0
     form: str = EXTENDED_FORM
-    episode_s: float = 12.0
+    episode_s: float = 20.0
     fallen_gravity_z: float = -0.75
     fallen_height_m: float = 0.2
     commands: CommandRanges = field(default_factory=CommandRanges)
@@ -181,12 +182,10 @@ class TrainingEnv:
         self._action[ids] = 0.0
         self._phase[ids] = 0.0
         self._hand_force[ids] = 0.0
-        heading = self.robot.rotation_heading_to_world[ids]
-        orientation = quaternions_from_rotations(heading.transpose(0, 2, 1) @ self.robot.hand_rotation[ids])
-        self.references.reset(ids, self._measured_hand(ids), orientation)
+        self.references.reset(ids, self._measured_hand(ids), self._hand_orientation(ids))
 
     def _draw(self, ids: np.ndarray) -> None:
-        self.source.draw(ids, self._measured_hand(ids))
+        self.source.draw(ids, self._measured_hand(ids), self._hand_orientation(ids))
         self.surroundings.draw(ids)
 
     def _measured_hand(self, ids: np.ndarray | slice = _ALL) -> np.ndarray:
@@ -195,6 +194,11 @@ class TrainingEnv:
         hand = rotate_back(robot.rotation_heading_to_world[ids], robot.hand_position[ids] - robot.base_position[ids])
         hand[:, 2] += self._base_height(ids)
         return hand
+
+    def _hand_orientation(self, ids: np.ndarray) -> np.ndarray:
+        """Hands' (m, 4) wxyz in heading."""
+        heading = self.robot.rotation_heading_to_world[ids]
+        return quaternions_from_rotations(heading.transpose(0, 2, 1) @ self.robot.hand_rotation[ids])
 
     def _base_height(self, ids: np.ndarray | slice = _ALL) -> np.ndarray:
         """Heights (m,) m above the mean of the middle two contact points."""
@@ -244,7 +248,8 @@ class TrainingEnv:
             joint_velocity=robot.joint_velocity[ids] + self._noise(noise.joint_velocity_rps, JOINT_COUNT, count),
             joint_torque=robot.joint_torque[ids] + self._noise(noise.joint_torque_nm, JOINT_COUNT, count),
             hand_position=self._hand[ids],
-            orientation_error=rotate_back(heading, rotation_errors(target, robot.hand_rotation[ids])),
+            orientation_error=rotate_back(heading, rotation_errors(target, robot.hand_rotation[ids]))
+            + self._noise(noise.hand_orientation_rad, 3, count),
             force_estimate=self.estimator.force[ids],
             mask=references.mask[ids],
             force=references.force[ids],
@@ -254,7 +259,7 @@ class TrainingEnv:
         )
 
     def _privileged(self) -> np.ndarray:
-        """(n, 22) truth for the critic alone."""
+        """(n, 23) truth for the critic alone."""
         robot, references = self.robot, self.references
         heading = robot.rotation_heading_to_world
         hand = self._true_hand()
@@ -269,6 +274,7 @@ class TrainingEnv:
             0.2 * force_error,
             arm,
             self.surroundings.stiffness_of_force_axes() * 0.002,
+            5.0 * (robot.mass_scale[:, None] - 1.0),
         ]
         return np.clip(np.concatenate(parts, axis=1, dtype=np.float32, casting="same_kind"), -8.0, 8.0)
 

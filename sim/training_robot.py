@@ -49,7 +49,7 @@ class Randomization:
     """
 
     mass_scale: tuple[float, float] = (0.8, 1.2)
-    tool_mass_scale: tuple[float, float] = (0.8, 1.2)
+    tool_mass_scale: tuple[float, float] = (0.9, 1.1)
     wheel_friction: tuple[float, float] = (0.5, 1.4)
     gain_scale: tuple[float, float] = (0.9, 1.1)
     dry_friction_share: float = 0.5

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim.batch_rotations import cross, rotate, rotate_back
-from sim.training_commands import FREE, LEAD, SLIDE, CommandSource
+from sim.training_commands import FREE, LEAD, SLIDE, TOUCH, CommandSource
 from sim.training_robot import TIMESTEP_S, BatchedRobot
 
 HAND_INERTIA_KG = 0.5
@@ -24,7 +24,7 @@ DRY_FRICTION_SPEED_MPS = 0.03
 class SurroundingRanges:
     """Attributes:
     stiffness: N/m, log-uniform; at least so stiff that the force asked for stretches it by `longest_stretch_m`.
-    stiff_share: of FORCE segments against `stiff` N/m that do not move, like a table.
+    stiff: N/m, of what TOUCH and SLIDE segments press on.
     damping_ratio: damping over sqrt(stiffness).
     glide_s: time in which the anchor goes to where the force asked for holds the hand `glide_error_m` beside its reference.
     swing_share, swing_m, swing_hz: of anchors that swing.
@@ -39,7 +39,6 @@ class SurroundingRanges:
 
     stiffness: tuple[float, float] = (80.0, 1500.0)
     longest_stretch_m: float = 0.12
-    stiff_share: float = 0.3
     stiff: tuple[float, float] = (1500.0, 3000.0)
     damping_ratio: tuple[float, float] = (0.2, 0.8)
     glide_s: tuple[float, float] = (1.0, 2.6)
@@ -85,7 +84,7 @@ class Surroundings:
         low, high = np.log(ranges.stiffness)
         stiffness = np.exp(random.uniform(low, high, (count, 3)))
         stiffness = np.maximum(stiffness, largest / ranges.longest_stretch_m)
-        stiff = random.random(count) < ranges.stiff_share
+        stiff = kind == TOUCH
         stiffness = np.where(stiff[:, None], random.uniform(*ranges.stiff, (count, 3)), stiffness)
         damping = random.uniform(*ranges.damping_ratio, (count, 1)) * np.sqrt(stiffness)
         leading = kind == LEAD

@@ -84,14 +84,19 @@ class ActorCritic(nn.Module):
         """(n, VALUE_HEADS)."""
         return self._through(self.critic_trunk, self.critic_heads, torch.cat([observation, privileged], dim=1), self._bfloat16)
 
-    def log_probability(self, mean: torch.Tensor, action: torch.Tensor) -> torch.Tensor:
-        """(n,) of actions (n, a) under the Gaussian about `mean` (n, a)."""
-        scaled = (action - mean) * torch.exp(-self.log_std)
-        return (-0.5 * scaled**2 - self.log_std - _LOG_SQRT_TWO_PI).sum(dim=1)
+    def log_probability(self, deviation: torch.Tensor, last: torch.Tensor, memory: float) -> torch.Tensor:
+        """(...,) of deviations (..., a) from the mean after those of the step before, `last` (..., a).
 
-    def sample(self, mean: torch.Tensor, noise: torch.Tensor) -> torch.Tensor:
-        """Actions (n, a) about `mean` for standard normal `noise` (n, a)."""
-        return mean + torch.exp(self.log_std) * noise
+        Deviations are a first-order autoregressive process with the standard deviation of `log_std`, whatever its `memory`
+        (Korenkevych et al., IJCAI 2019).
+        """
+        spread = math.sqrt(1.0 - memory**2)
+        scaled = (deviation - memory * last) * torch.exp(-self.log_std) / spread
+        return (-0.5 * scaled**2 - self.log_std - math.log(spread) - _LOG_SQRT_TWO_PI).sum(dim=-1)
+
+    def deviate(self, last: torch.Tensor, memory: float) -> torch.Tensor:
+        """Random deviations (n, a) from the mean, after those of the step before."""
+        return memory * last + math.sqrt(1.0 - memory**2) * torch.exp(self.log_std) * torch.randn_like(last)
 
     def actor_parameters(self) -> list[nn.Parameter]:
         """What the policy gradient trains."""

@@ -23,11 +23,13 @@ def save_policy_curves(path: Path, title: str, history: dict[str, list[dict[str,
         from matplotlib.figure import Figure
     except ImportError as error:
         raise PlottingError('curves need matplotlib; install it with `pip install -e ".[train]"`') from error
-    figure = Figure(figsize=(11.0, 3.4), layout="constrained")
+    panels = 3 if history["imitation"] else 2
+    figure = Figure(figsize=(3.7 * panels, 3.4), layout="constrained")
     FigureCanvasAgg(figure)
-    imitation, reward, score = figure.subplots(1, 3)
-    imitation.plot(*_series(history["imitation"], "loss"))
-    imitation.set(xlabel="steps", ylabel="imitation loss", yscale="log")
+    *imitations, reward, score = figure.subplots(1, panels)
+    for imitation in imitations:
+        imitation.plot(*_series(history["imitation"], "loss"))
+        imitation.set(xlabel="steps", ylabel="imitation loss", yscale="log")
     steps, rewards = _series(history["ppo"], "reward")
     for head, name in enumerate(("locomotion", "end effector")):
         reward.plot(steps, [value[head] for value in rewards], label=name)

@@ -32,7 +32,8 @@ class PpoConfig:
     gradient_limit: norm at which the gradients of actor and critic are clipped, each.
     std_range: of the action noise.
     noise_memory: correlation of the noise of one step and the next. Noise that lasts moves a robot where white noise only
-        shakes it; that actions are no longer independent is left out of their likelihood (Hollenstein et al., AAAI 2024).
+        shakes it. The likelihood of an action has to know of it: without, the gradient mostly teaches the policy to work
+        against its own noise.
     critic_only: first iterations, in which only the critic learns; after fewer it explains little of the returns.
     """
 
@@ -58,7 +59,8 @@ class PpoConfig:
 
 @dataclass(frozen=True, slots=True)
 class Rollout:
-    """T steps of N robots. Shapes (T, N, ...), values (T + 1, N, heads), rewards (T, N, heads), dones (T, N)."""
+    """T steps of N robots. Shapes (T, N, ...), values (T + 1, N, heads), rewards (T, N, heads), dones (T, N);
+    `before` (N, actions) is how far the noise was from the mean before the first step."""
 
     observations: torch.Tensor
     privileged: torch.Tensor
@@ -67,6 +69,7 @@ class Rollout:
     values: torch.Tensor
     rewards: torch.Tensor
     dones: torch.Tensor
+    before: torch.Tensor
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,19 +141,18 @@ class Ppo:
     def collect(self, env: VectorEnv) -> Rollout:
         """Act for `horizon` steps."""
         network, horizon, memory = self.network, self.config.horizon, self.config.noise_memory
-        noise = torch.randn(len(env.observation), len(network.log_std))
-        observations, privileged, actions, log_probabilities, rewards, dones, ended = ([] for _ in range(7))
+        observations, privileged, actions, deviations, rewards, dones, ended = ([] for _ in range(7))
         with torch.no_grad():
+            deviation = before = network.deviate(torch.zeros(len(env.observation), len(network.log_std)), memory=0.0)
             for _ in range(horizon):
                 observation = torch.from_numpy(env.observation)
                 observations.append(observation)
                 privileged.append(torch.from_numpy(env.privileged))
                 mean = network.mean(observation)
-                action = network.sample(mean, noise)
-                noise = memory * noise + (1.0 - memory**2) ** 0.5 * torch.randn_like(noise)
-                outcome = env.step(action.numpy())
-                actions.append(action)
-                log_probabilities.append(network.log_probability(mean, action))
+                deviation = network.deviate(deviation, memory)
+                deviations.append(deviation)
+                actions.append(mean + deviation)
+                outcome = env.step(actions[-1].numpy())
                 rewards.append(torch.from_numpy(outcome.reward.astype(np.float32)))
                 dones.append(torch.from_numpy(outcome.done.astype(np.float32)))
                 ended.append((outcome.ended, outcome.last_observation, outcome.last_privileged))
@@ -163,48 +165,50 @@ class Ppo:
                 if len(robots):
                     # Time was up, but the task would go on: what follows is worth the last state's value.
                     reward[robots] += self._discounts * network.values(*map(torch.from_numpy, last))
+            log_probabilities = self._log_probabilities(torch.stack(deviations), before)
         return Rollout(
             observations=observed[:-1],
             privileged=truth[:-1],
             actions=torch.stack(actions),
-            log_probabilities=torch.stack(log_probabilities),
+            log_probabilities=log_probabilities,
             values=values,
             rewards=torch.stack(rewards),
             dones=torch.stack(dones),
+            before=before,
         )
 
     def update(self, rollout: Rollout) -> PpoStatistics:
         """Several epochs of minibatches; the policy stands still once it has moved far beyond the KL target."""
         config, network = self.config, self.network
         per_head = advantages(rollout, self._discounts, config.trace)
-        old_values = rollout.values[:-1].flatten(0, 1)
-        per_head = per_head.flatten(0, 1)
-        returns = per_head + old_values
-        advantage = combined_advantage(per_head, self._weights)
-        observations, privileged = rollout.observations.flatten(0, 1), rollout.privileged.flatten(0, 1)
-        actions, old_log_probabilities = rollout.actions.flatten(0, 1), rollout.log_probabilities.flatten()
+        all_values = rollout.values[:-1]
+        all_returns = per_head + all_values
+        all_advantages = combined_advantage(per_head.flatten(0, 1), self._weights).view(per_head.shape[:2])
         learn_policy = self.iteration >= config.critic_only
         near = True
 
         value_losses, policy_losses, divergences, clipped = [], [], [], []
         for _ in range(config.epochs):
-            for batch in torch.randperm(len(returns)).chunk(config.minibatches):
-                observed = observations[batch]
-                values = network.values(observed, privileged[batch])
-                loss = value_loss(values, old_values[batch], returns[batch], config.value_clip).sum()
+            # Of robots, not of steps: an action's likelihood needs the step before.
+            for robots in torch.randperm(per_head.shape[1]).chunk(config.minibatches):
+                observed = rollout.observations[:, robots].flatten(0, 1)
+                values = network.values(observed, rollout.privileged[:, robots].flatten(0, 1))
+                old_values, returns = all_values[:, robots].flatten(0, 1), all_returns[:, robots].flatten(0, 1)
+                loss = value_loss(values, old_values, returns, config.value_clip).sum()
                 self._descend(self.critic_optimizer, network.critic_parameters(), loss)
                 value_losses.append(loss.item())
                 if not (learn_policy and near):
                     continue
                 mean = network.mean(observed)
-                log_probability = network.log_probability(mean, actions[batch])
-                log_ratio = (log_probability - old_log_probabilities[batch]).clamp(-5.0, 5.0)
+                actions = rollout.actions[:, robots]
+                log_probability = self._log_probabilities(actions - mean.view(actions.shape), rollout.before[robots])
+                log_ratio = (log_probability - rollout.log_probabilities[:, robots]).clamp(-5.0, 5.0)
                 with torch.no_grad():
                     ratio = torch.exp(log_ratio)
                     divergences.append(float((ratio - 1.0 - log_ratio).mean()))
                     clipped.append(float(((ratio - 1.0).abs() > config.clip).float().mean()))
                 near = self._adapt_rate(divergences[-1])
-                loss = policy_loss(log_ratio, advantage[batch], config.clip)
+                loss = policy_loss(log_ratio, all_advantages[:, robots], config.clip)
                 regular = config.mean_penalty * mean.square().sum(dim=1).mean() - config.entropy * network.log_std.sum()
                 self._descend(self.actor_optimizer, network.actor_parameters(), loss + regular)
                 with torch.no_grad():
@@ -234,6 +238,10 @@ class Ppo:
         self.actor_optimizer.load_state_dict(state["actor_optimizer"])
         self.critic_optimizer.load_state_dict(state["critic_optimizer"])
         self.actor_rate, self.iteration = state["actor_rate"], state["iteration"]
+
+    def _log_probabilities(self, deviations: torch.Tensor, before: torch.Tensor) -> torch.Tensor:
+        """(T, N) of successive deviations (T, N, actions) that follow `before` (N, actions)."""
+        return self.network.log_probability(deviations, torch.cat([before[None], deviations[:-1]]), self.config.noise_memory)
 
     def _adapt_rate(self, kl: float) -> bool:
         """Step size towards the KL target; False when this update has gone too far."""

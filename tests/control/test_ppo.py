@@ -21,6 +21,7 @@ def rollout(rewards, values, dones) -> Rollout:
         values=torch.tensor(values)[:, None],
         rewards=torch.tensor(rewards)[:, None],
         dones=torch.tensor(dones)[:, None],
+        before=nothing[0],
     )
 
 
@@ -141,9 +142,57 @@ def test_noise_is_as_large_and_as_lasting_as_asked(memory: float):
     noise = (data.actions - net.mean(data.observations)).detach() / 0.3
     assert noise.std().item() == pytest.approx(1.0, abs=0.02)
     assert (noise[1:] * noise[:-1]).mean().item() == pytest.approx(memory, abs=0.03)
-    # What the likelihood says of a single action stays true.
-    expected = -0.5 * noise.square().sum(dim=-1) - 2.0 * np.log(0.3 * np.sqrt(2.0 * np.pi))
-    assert torch.allclose(data.log_probabilities, expected.float(), atol=1e-3)
+    # The likelihood of an action, given the one before, by hand.
+    spread = np.sqrt(1.0 - memory**2)
+    innovation = (noise[1:] - memory * noise[:-1]) / spread
+    expected = -0.5 * innovation.square().sum(dim=-1) - 2.0 * np.log(0.3 * spread * np.sqrt(2.0 * np.pi))
+    assert torch.allclose(data.log_probabilities[1:], expected.float(), atol=1e-3)
+
+
+class Drifting:
+    """Toy task in which actions add up: where a robot is tells which noise it had. Zero action is best, everywhere."""
+
+    def __init__(self, count: int) -> None:
+        self._place = np.zeros((count, 1))
+        self.privileged = np.zeros((count, 1), np.float32)
+
+    @property
+    def observation(self) -> np.ndarray:
+        return self._place.astype(np.float32)
+
+    def step(self, action: np.ndarray) -> "_Outcome":
+        self._place = 0.9 * self._place + action
+        outcome = _Outcome(-(action**2).repeat(2, axis=1))
+        outcome.done[:] = False
+        return outcome
+
+    def teacher_action(self) -> np.ndarray:
+        raise NotImplementedError
+
+
+def test_gradient_under_noise_that_lasts_is_that_of_the_reward():
+    """By the likelihood of the actions it equals the gradient by way of the reward; as if the noise were white it does not."""
+    torch.manual_seed(0)
+    net = ActorCritic(observation=1, privileged=1, actions=1, std=0.3, bfloat16=False, hidden=(4,))
+    torch.nn.init.zeros_(net.actor_head.weight)
+    memory = 0.8
+    data = Ppo(net, PpoConfig(horizon=40, noise_memory=memory)).collect(Drifting(4000))
+    cost, place = data.rewards[..., 0], data.observations
+
+    def slope(assumed: float) -> float:
+        gain = torch.zeros(1, requires_grad=True)
+        deviations = data.actions - gain * place
+        last = torch.cat([data.before[None], deviations[:-1]])
+        likelihood = net.log_probability(deviations, last, assumed)
+        (likelihood * (cost - cost.mean()))[1:].mean().backward()
+        assert gain.grad is not None
+        return gain.grad.item()
+
+    # Feedback `gain` of the place moves the action that follows on the last one by gain * (place - memory * last place).
+    moved = place[1:] - memory * place[:-1]
+    expected = (-2.0 * data.actions[1:] * moved).mean().item()
+    assert slope(memory) == pytest.approx(expected, abs=0.1 * abs(expected))
+    assert abs(slope(0.0) - expected) > abs(expected)
 
 
 def test_critic_only_iterations_leave_the_policy_alone():

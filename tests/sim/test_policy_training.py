@@ -36,7 +36,7 @@ def scores(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[str]]:
     asked: list[str] = []
     totals = iter([3.0, 1.0, 2.0, 4.0])
 
-    def score(name: str, make: object, seed: int, minutes: float) -> Score:
+    def score(name: str, make: object, seed: int, minutes: float, workers: int) -> Score:
         asked.append(name)
         if seed == TINY.verification_seed:
             return Score(1.5 if name == "model_based" else 1.2, {"yaw_rps": 0.1}, 0)
