@@ -62,18 +62,28 @@ class ActionScales:
 
     Attributes:
         leg_rad, wheel_rps, arm_rad: one unit of action.
-        limit: largest action. correction_limit: largest part of it that a residual policy adds.
+        limit: largest action.
+        hand_force_n, hand_torque_nm: one unit of a residual policy's correction of the arm, a wrench that the hand exerts,
+            in heading: what an error of the hand asks for does not depend on the posture then.
+        correction_limit: largest part of a correction.
     """
 
     leg_rad: float = 0.25
     wheel_rps: float = 5.0
     arm_rad: float = 0.5
     limit: float = 8.0
+    hand_force_n: float = 20.0
+    hand_torque_nm: float = 4.0
     correction_limit: float = 1.0
 
     def per_joint(self) -> np.ndarray:
         """(22,) scale of each joint."""
         return np.array([self.leg_rad] * 12 + [self.wheel_rps] * 4 + [self.arm_rad] * 6)
+
+    def hand_wrench(self, correction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Force and torque (..., 3), N and N m in heading, of a residual policy's correction (..., 22)."""
+        arm = correction[..., ARM_SLICE]
+        return self.hand_force_n * arm[..., :3], self.hand_torque_nm * arm[..., 3:]
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,6 +1,7 @@
 """The learned whole-body policy as a controller: observation -> actor -> joint targets, at 50 Hz.
 
-A policy of the residual form adds a bounded correction to the targets of the model-based controller, which it runs inside.
+A policy of the residual form adds a bounded correction to the targets of the model-based controller, which it runs inside:
+in joints for legs and wheels, as a wrench of the hand for the arm.
 """
 
 from pathlib import Path
@@ -8,7 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from control.controller import Controller, ControllerInput
-from control.joints import DAMPING, NOMINAL_POSITION, STIFFNESS, WHEEL_SLICE
+from control.frames import rotation_heading_to_world
+from control.joints import ARM_SLICE, DAMPING, NOMINAL_POSITION, STIFFNESS, WHEEL_SLICE
 from control.model_based import ModelBasedController
 from control.observation import RESIDUAL_FORM, ActionScales, Observation, advance_phase, task_signals
 from control.policy_weights import Actor, PolicyManifest, available_policies, load_policy
@@ -32,7 +34,7 @@ class PolicyController:
         self._memory = TaskMemory(TaskMemoryConfig())
         self._corrected = ModelBasedController(model) if manifest.form == RESIDUAL_FORM else None
         scales = ActionScales()
-        self._scale, self._limit, self._correction_limit = scales.per_joint(), scales.limit, scales.correction_limit
+        self._scales, self._scale, self._limit = scales, scales.per_joint(), scales.limit
         self._nominal = NOMINAL_POSITION.copy()
         self._nominal[WHEEL_SLICE] = 0.0
         self.reset()
@@ -62,11 +64,21 @@ class PolicyController:
         self.observation = self._form.assemble(signals, self._memory, self.action, self._phase)
         action = self._actor(self.observation).astype(float)
         if self._corrected is not None:
-            correction = np.clip(action, -self._correction_limit, self._correction_limit)
-            action = (self._corrected.step(inputs) - self._nominal) / self._scale + correction
+            action = (self._corrected.step(inputs) - self._nominal) / self._scale + self._correction(action, inputs)
         self.action = np.clip(action, -self._limit, self._limit)
         self._phase = advance_phase(self._phase)
         return self._nominal + self._scale * self.action
+
+    def _correction(self, action: np.ndarray, inputs: ControllerInput) -> np.ndarray:
+        """Of the model-based controller's action (22,)."""
+        limit = self._scales.correction_limit
+        correction = np.clip(action, -limit, limit)
+        heading = rotation_heading_to_world(inputs.base.rotation_base_to_world)
+        wrench = np.concatenate([heading @ part for part in self._scales.hand_wrench(correction)])
+        jacobian = inputs.model.end_effector_jacobian[:, inputs.model.joint_rows[ARM_SLICE]]
+        torque = jacobian.T @ wrench
+        correction[ARM_SLICE] = torque / STIFFNESS[ARM_SLICE] / self._scale[ARM_SLICE]
+        return correction
 
     def _held_action(self, signals: TaskSignals) -> np.ndarray:
         """The action that keeps the present torques: what the previous one was, whoever gave it."""

@@ -42,7 +42,8 @@ class PolicyTrainingConfig:
     score_seed, score_minutes: trials of the score; never those of a benchmark.
     verification_seed: of the trials that the chosen checkpoint is judged by, which had no part in choosing it.
     warm_std, scratch_std, residual_std: action noise after imitation, without it, and of corrections.
-    correction_penalty, noise_memory: PpoConfig.mean_penalty and noise_memory of the residual form.
+    correction_penalty, noise_memory, correction_weights: PpoConfig.mean_penalty, noise_memory and head_weights of the residual
+        form. With the usual weights it gives up heading for the hand.
     bfloat16: compute hidden layers in bfloat16; pays on CPUs with such instructions.
     """
 
@@ -62,6 +63,7 @@ class PolicyTrainingConfig:
     residual_std: float = 0.08
     correction_penalty: float = 0.5
     noise_memory: float = 0.6
+    correction_weights: tuple[float, ...] = (1.5, 1.0)
     bfloat16: bool = True
     dagger: DaggerConfig = field(default_factory=DaggerConfig)
     ppo: PpoConfig = field(default_factory=PpoConfig)
@@ -90,7 +92,12 @@ class PolicyTraining:
         self.network = ActorCritic(self._size, PRIVILEGED_SIZE, JOINT_COUNT, std, config.bfloat16)
         ppo = _FROM_SCRATCH if from_scratch else config.ppo
         if corrects:
-            ppo = replace(ppo, mean_penalty=config.correction_penalty, noise_memory=config.noise_memory)
+            ppo = replace(
+                ppo,
+                mean_penalty=config.correction_penalty,
+                noise_memory=config.noise_memory,
+                head_weights=config.correction_weights,
+            )
             # The first policy is the model-based controller itself.
             torch.nn.init.zeros_(self.network.actor_head.weight)
         self.learner = Ppo(self.network, ppo)

@@ -12,12 +12,13 @@ import numpy as np
 from control.arm_control import ArmConfig
 from control.command import CommandLimits
 from control.controller import CONTROL_PERIOD_S
-from control.joints import JOINT_COUNT, NOMINAL_BASE_HEIGHT_M, NOMINAL_POSITION, WHEEL_SLICE
+from control.joints import ARM_SLICE, JOINT_COUNT, NOMINAL_BASE_HEIGHT_M, NOMINAL_POSITION, STIFFNESS, WHEEL_SLICE
 from control.observation import EXTENDED_FORM, RESIDUAL_FORM, ActionScales, Observation, advance_phase
 from control.task_memory import TaskMemory, TaskMemoryConfig, TaskSignals
 from sim.batch_rotations import (
     products,
     quaternions_from_rotations,
+    rotate,
     rotate_back,
     rotation_errors,
     rotations_from_quaternions,
@@ -111,8 +112,8 @@ class TrainingEnv:
         self.teacher = BatchedTeacher(self.robot, ArmConfig() if self._corrects else config.teacher_arm)
         self.memory = TaskMemory(TaskMemoryConfig(), (count,))
         self.form = Observation(config.form)
-        self.action_scale = ActionScales().per_joint()
-        self._action_limit, self._correction_limit = ActionScales().limit, ActionScales().correction_limit
+        self._scales = ActionScales()
+        self.action_scale, self._action_limit = self._scales.per_joint(), self._scales.limit
         self._nominal = NOMINAL_POSITION.copy()
         self._nominal[WHEEL_SLICE] = 0.0
         self._action = np.zeros((count, JOINT_COUNT), order="F")
@@ -141,7 +142,7 @@ class TrainingEnv:
         config, robot = self.config, self.robot
         action = action.astype(float, order="F")
         if self._corrects:
-            action = self.teacher_action() + np.clip(action, -self._correction_limit, self._correction_limit)
+            action = self.teacher_action() + self._correction(action)
         action = np.clip(action, -self._action_limit, self._action_limit)
         robot.set_targets(self._nominal + self.action_scale * action)
         mean_force = np.zeros_like(self._hand_force)
@@ -173,6 +174,15 @@ class TrainingEnv:
         if fresh.size:
             self._observe_fresh(fresh)
         return StepResult(reward, done, ended, *last, state, mask, segment_s)
+
+    def _correction(self, action: np.ndarray) -> np.ndarray:
+        """What a residual policy's action (n, 22) adds to the teacher's, see control.policy."""
+        robot, limit = self.robot, self._scales.correction_limit
+        correction = np.clip(action, -limit, limit)
+        force, torque = (rotate(robot.rotation_heading_to_world, part) for part in self._scales.hand_wrench(correction))
+        joint_torque = rotate(robot.hand_jacobian, force) + rotate(robot.axes[:, ARM_SLICE], torque)
+        correction[:, ARM_SLICE] = joint_torque / STIFFNESS[ARM_SLICE] / self.action_scale[ARM_SLICE]
+        return correction
 
     def _reset(self, ids: np.ndarray) -> None:
         self.robot.reset(ids)

@@ -10,7 +10,7 @@ import torch
 
 from control.command import DEFAULT_COMMAND
 from control.controller import ControllerInput
-from control.joints import DAMPING, NOMINAL_POSITION, STIFFNESS
+from control.joints import ARM_SLICE, DAMPING, NOMINAL_POSITION, STIFFNESS
 from control.learning.actor_critic import HIDDEN, ActorCritic
 from control.model_based import ModelBasedController
 from control.observation import EXTENDED_FORM, PAPER_FORM, RESIDUAL_FORM, ActionScales, Observation
@@ -171,5 +171,11 @@ def test_a_residual_policy_adds_a_bounded_correction_to_the_model_based_controll
     save_policy(tmp_path, PolicyManifest("policy", RESIDUAL_FORM, interface(RESIDUAL_FORM), layers), arrays)
     controller, plain = PolicyController(*load_policy("policy", tmp_path), model), ModelBasedController(model)
     for _ in range(3):
-        added = (controller.step(standing(model)) - plain.step(standing(model))) / scales.per_joint()
-        assert np.allclose(added, np.clip(arrays["bias_0"], -scales.correction_limit, scales.correction_limit), atol=1e-5)
+        inputs = standing(model)
+        added = controller.step(inputs) - plain.step(inputs)
+        expected = np.clip(arrays["bias_0"], -scales.correction_limit, scales.correction_limit)
+        assert np.allclose((added / scales.per_joint())[: ARM_SLICE.start], expected[: ARM_SLICE.start], atol=1e-5)
+        # The arm's drives turn what is added into torques, which balance the wrench that the hand shall exert.
+        wrench = np.concatenate([scales.hand_force_n * expected[-6:-3], scales.hand_torque_nm * expected[-3:]])
+        jacobian = model.end_effector_jacobian[:, model.joint_rows[ARM_SLICE]]
+        np.testing.assert_allclose(STIFFNESS[ARM_SLICE] * added[ARM_SLICE], jacobian.T @ wrench, atol=1e-3)

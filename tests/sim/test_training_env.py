@@ -1,6 +1,7 @@
 """The batched environment against the single-robot code it stands for, and the laws of its surroundings and rewards."""
 
 from dataclasses import fields, replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,8 +10,11 @@ from control.arm_control import ArmConfig
 from control.command import CommandFilter, CommandLimits, HandState
 from control.controller import CONTROL_PERIOD_S, ControllerInput
 from control.frames import quaternion_from_rotation, rotation_from_quaternion
+from control.joints import ARM_SLICE
 from control.model_based import ModelBasedController
 from control.observation import RESIDUAL_FORM, ActionScales, task_signals
+from control.policy import PolicyController
+from control.policy_weights import PolicyManifest, interface, load_policy, save_policy
 from control.robot_model import RobotModel
 from control.task_memory import TaskSignals
 from control.types import BaseState, Command, SensorFrame
@@ -220,7 +224,23 @@ def test_a_residual_policy_that_corrects_nothing_is_the_teacher():
         plain.step(plain.teacher_action())
         corrected.step(np.zeros((4, 22)))
     assert np.allclose(plain.robot.joint_position, corrected.robot.joint_position, atol=1e-9)
-    largest = ActionScales().correction_limit
+    legs_and_wheels, largest = slice(0, ARM_SLICE.start), ActionScales().correction_limit
     corrected.step(np.full((4, 22), 50.0))
-    teacher = plain.teacher_action()
-    assert np.allclose(corrected._action, np.clip(teacher + largest, -8.0, 8.0), atol=1e-6)
+    teacher = plain.teacher_action()[:, legs_and_wheels]
+    assert np.allclose(corrected._action[:, legs_and_wheels], np.clip(teacher + largest, -8.0, 8.0), atol=1e-6)
+
+
+def test_training_corrects_the_arm_as_the_policy_does_on_the_robot(tmp_path: Path, model: RobotModel):
+    env = make_env(count=4, form=RESIDUAL_FORM)
+    for _ in range(10):
+        env.step(np.zeros((4, 22)))
+    action = np.random.default_rng(4).uniform(-1.5, 1.5, 22)
+    layers = (env.observation_size, 22)
+    arrays = {"weight_0": np.zeros((22, layers[0])), "bias_0": action}
+    save_policy(tmp_path, PolicyManifest("policy", RESIDUAL_FORM, interface(RESIDUAL_FORM), layers), arrays)
+    controller, plain = PolicyController(*load_policy("policy", tmp_path), model), ModelBasedController(model)
+    inputs = single_input(env, 0, model)
+    single = (controller.step(inputs) - plain.step(inputs)) / ActionScales().per_joint()
+    batched = env._correction(np.tile(action, (4, 1)))[0]
+    assert np.abs(single[ARM_SLICE]).max() > 0.1
+    assert np.allclose(single, batched, atol=1e-5)
