@@ -25,7 +25,7 @@ from sim.training_env import PRIVILEGED_SIZE, TrainingEnv, TrainingEnvConfig
 
 logger = logging.getLogger("train_policy")
 
-SCHEMA = 1
+SCHEMA = 2
 _FROM_SCRATCH = PpoConfig(actor_rate=1e-3, epochs=5, minibatches=4, target_kl=0.012, entropy=0.002, critic_only=0)
 
 
@@ -44,6 +44,8 @@ class PolicyTrainingConfig:
     warm_std, scratch_std, residual_std: action noise after imitation, without it, and of corrections.
     correction_penalty, noise_memory, correction_weights: PpoConfig.mean_penalty, noise_memory and head_weights of the residual
         form. With the usual weights it gives up heading for the hand.
+    averaging: share of the old average that an iteration leaves in the network that is scored, the running average of those that
+        learn: what a gradient's noise adds to one iteration's network averages out.
     bfloat16: compute hidden layers in bfloat16; pays on CPUs with such instructions.
     """
 
@@ -61,9 +63,10 @@ class PolicyTrainingConfig:
     warm_std: float = 0.1
     scratch_std: float = 0.6
     residual_std: float = 0.08
-    correction_penalty: float = 0.5
+    correction_penalty: float = 1.0
     noise_memory: float = 0.6
     correction_weights: tuple[float, ...] = (1.5, 1.0)
+    averaging: float = 0.98
     bfloat16: bool = True
     dagger: DaggerConfig = field(default_factory=DaggerConfig)
     ppo: PpoConfig = field(default_factory=PpoConfig)
@@ -101,6 +104,7 @@ class PolicyTraining:
             # The first policy is the model-based controller itself.
             torch.nn.init.zeros_(self.network.actor_head.weight)
         self.learner = Ppo(self.network, ppo)
+        self.averaged = self._parameters()
         self.imitated = from_scratch or corrects
         self.steps = 0
         self.history: dict[str, list[dict[str, Any]]] = {"imitation": [], "ppo": [], "score": []}
@@ -131,10 +135,13 @@ class PolicyTraining:
             imitate(self.env, self.network, dagger, self._log_imitation)
             self.steps = config.imitation_steps * config.count
             self.imitated = True
+            self.averaged = self._parameters()
             self._score()
         started, steps_then = time.perf_counter(), self.steps
         while self.learner.iteration < config.ppo_iterations:
             statistics = self.learner.iterate(self.env)
+            for name, tensor in self._parameters().items():
+                self.averaged[name].lerp_(tensor, 1.0 - config.averaging)
             self.steps += config.count * self.learner.config.horizon
             self.history["ppo"].append({"steps": self.steps, **asdict(statistics)})
             locomotion, end_effector = statistics.reward
@@ -198,7 +205,7 @@ class PolicyTraining:
         return score_controller("model_based", None, seed, self.config.score_minutes, self.config.threads)
 
     def _score(self) -> None:
-        parameters = {name: tensor.detach().clone() for name, tensor in self.network.state_dict().items()}
+        parameters = {name: tensor.clone() for name, tensor in self.averaged.items()}
         score = self._score_candidate(*self._candidate(parameters), self.config.score_seed)
         self.history["score"].append({"steps": self.steps, **asdict(score)})
         self._events.add(self.steps, {"score/total": score.total, "score/falls": score.falls})
@@ -209,6 +216,9 @@ class PolicyTraining:
             self.best = {"score": asdict(score), "steps": self.steps, "parameters": parameters}
         self._save_checkpoint()
         save_policy_curves(self.run / "curves.png", self.config.name, self.history, self.reference.total)
+
+    def _parameters(self) -> dict[str, torch.Tensor]:
+        return {name: tensor.detach().clone() for name, tensor in self.network.state_dict().items()}
 
     def _candidate(self, parameters: dict[str, torch.Tensor]) -> tuple[PolicyManifest, dict[str, Any]]:
         config, arrays = self.config, {}
@@ -235,6 +245,7 @@ class PolicyTraining:
         state = {
             "identity": self._identity,
             "network": self.network.state_dict(),
+            "averaged": self.averaged,
             "learner": self.learner.state(),
             "imitated": self.imitated,
             "steps": self.steps,
@@ -256,6 +267,7 @@ class PolicyTraining:
         if state["identity"] != self._identity:
             raise RunError(f"{path} belongs to another training; choose another --run or delete it")
         self.network.load_state_dict(state["network"])
+        self.averaged = state["averaged"]
         self.learner.restore(state["learner"])
         self.imitated, self.steps = state["imitated"], state["steps"]
         self.history, self.best = state["history"], state["best"]
