@@ -82,7 +82,13 @@ changes while it vanishes beside a force of 20 N.
 
 SIGMA_GROUPS = ("nominal_mass_scale",)
 """What scales a network's standard deviation besides: a heavier robot has larger errors. The force must not depend on it, since
-the level of a mass tells robots apart."""
+the level of a mass tells robots apart. `sigma_drivers` adds how fast the force has changed."""
+
+SIGMA_DRIVERS = sum(len(GROUPS[group].names) for group in SIGMA_GROUPS) + 1
+"""Number of drivers that `sigma_drivers` gives."""
+
+# Keeps the logarithm finite where nothing changes; small beside the slowest windows of the validation set, 0.3.
+_CHANGE_FLOOR = 0.05
 
 
 def feature_names(groups: tuple[str, ...]) -> tuple[str, ...]:
@@ -105,3 +111,21 @@ def features(groups: tuple[str, ...], signals: Signals) -> np.ndarray:
 def increment_columns(groups: tuple[str, ...], increment_groups: tuple[str, ...]) -> np.ndarray:
     """(features,) 1 where a feature of `groups` belongs to one of `increment_groups`, else 0."""
     return np.concatenate([np.full(len(GROUPS[group].names), float(group in increment_groups)) for group in groups])
+
+
+def sigma_drivers(windows: np.ndarray, increments: np.ndarray, mass_scale: np.ndarray) -> np.ndarray:
+    """What a network's standard deviation is scaled by: the mass, and how fast the force has changed.
+
+    The error that a network states is too large for slow forces and too small for fast ones.
+
+    Args:
+        windows: (..., H, features) normalised.
+        increments: (features,) of `increment_columns`.
+        mass_scale: (..., n) features of SIGMA_GROUPS at the newest step.
+
+    Returns:
+        (..., SIGMA_DRIVERS): `mass_scale`, then the logarithm of the mean length of the window's H increments.
+    """
+    lengths = np.sqrt((windows * windows) @ increments)
+    change = lengths.sum(axis=-1, keepdims=True) / lengths.shape[-1]
+    return np.concatenate([mass_scale, np.log(_CHANGE_FLOOR + change)], axis=-1)

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from control.force_features import SIGMA_GROUPS, feature_names, features, increment_columns
+from control.force_features import SIGMA_DRIVERS, SIGMA_GROUPS, feature_names, features, increment_columns, sigma_drivers
 from control.force_features import Signals as Signals
 from control.residual_tcn import ResidualTcn, TcnShape
 from control.weights_file import WEIGHTS_DIRECTORY, load_arrays, save_weights, sha256
@@ -51,7 +51,8 @@ class NetworkManifest:
         output_noise_n: noise of the output, 0 to trust it all: an output c is shrunk by c^2 / (c^2 + noise^2), Wiener's gain,
             so that nothing is added where there is nothing to correct.
         sigma_scale: (3,) calibration of the standard deviation on the validation set; None where none is given.
-        sigma_slopes: change of the standard deviation's logarithm with each feature of SIGMA_GROUPS, from the same calibration.
+        sigma_slopes: (SIGMA_DRIVERS,) change of the standard deviation's logarithm with each of `sigma_drivers`, from the same
+            calibration; empty where there is none.
         sha256: of the npz file.
         training: command, commit, dataset, seed.
         metrics: measured on the validation set.
@@ -122,13 +123,14 @@ class ForceNetwork:
             self._window[:-1] = self._window[1:]
             self._window[-1] = normalized
         self._before = newest
-        return scale_output(self._tcn.predict(self._window), features(SIGMA_GROUPS, signals), self.manifest)
+        drivers = sigma_drivers(self._window, self._increments, features(SIGMA_GROUPS, signals))
+        return scale_output(self._tcn.predict(self._window), drivers, self.manifest)
 
 
 def scale_output(raw: np.ndarray, drivers: np.ndarray, manifest: NetworkManifest) -> tuple[np.ndarray, np.ndarray | None]:
     """Force (..., 3) N and standard deviation (..., 3) N, or None, of the network's raw output (..., outputs).
 
-    `drivers`: (..., n) features of SIGMA_GROUPS.
+    `drivers`: (..., SIGMA_DRIVERS) of `sigma_drivers`.
     """
     scale, limit = manifest.output_scale_n, np.array(manifest.output_limit_n)
     force = np.minimum(np.maximum(scale * raw[..., :3].astype(float), -limit), limit)
@@ -171,6 +173,9 @@ def load_network(name: str, directory: Path = WEIGHTS_DIRECTORY) -> ForceNetwork
         raise WeightsError(path, f"its features differ from those computed now: {sorted(different)[:6] or 'order'}")
     if manifest.shape.inputs != len(expected):
         raise WeightsError(path, f"shape.inputs is {manifest.shape.inputs}, but there are {len(expected)} features")
+    slopes = len(manifest.sigma_slopes)
+    if manifest.sigma_scale is not None and slopes != SIGMA_DRIVERS:
+        raise WeightsError(path, f"sigma_slopes has {slopes} entries, but sigma has {SIGMA_DRIVERS} drivers")
     arrays = load_arrays(weights)
     try:
         return ForceNetwork(manifest, arrays)

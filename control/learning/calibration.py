@@ -1,4 +1,4 @@
-"""Calibration of a network's standard deviation on validation, so that it covers the errors of light and of heavy robots."""
+"""Calibration of a network's standard deviation on validation: light and heavy robots, slow and fast forces covered alike."""
 
 from collections.abc import Sequence
 

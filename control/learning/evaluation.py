@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
-from control.force_features import SIGMA_GROUPS, features
+from control.force_features import SIGMA_GROUPS, features, increment_columns, sigma_drivers
 from control.learning.rollout_data import SETTLE_STEPS, Rollout
 from control.learning.targets import TrainingTarget
 from control.learning.windows import WindowSet
@@ -21,7 +21,7 @@ class Prediction:
         error: (T, 3) N, estimate minus truth.
         nominal_error: (T, 3) N, of the nominal estimate alone; None where the network uses none.
         sigma: (T, 3) N, or None.
-        drivers: (T, n) features of SIGMA_GROUPS.
+        drivers: (T, SIGMA_DRIVERS) of control.force_features.sigma_drivers.
     """
 
     error: np.ndarray
@@ -46,10 +46,12 @@ def predict(
 ) -> list[Prediction]:
     """Predictions of `module` (in evaluation mode) at every `stride`-th step of `rollouts`, those that `windows` holds."""
     steps = torch.arange(SETTLE_STEPS, windows.step_count, stride)
+    increments = increment_columns(target.feature_groups, target.increment_groups)
     predictions = []
     for index, rollout in enumerate(rollouts):
         inputs, _, _ = windows.windows(torch.full_like(steps, index), steps)
-        drivers = features(SIGMA_GROUPS, rollout.signals(target.features_from))[steps].astype(float)
+        mass_scale = features(SIGMA_GROUPS, rollout.signals(target.features_from))[steps]
+        drivers = sigma_drivers(inputs.numpy(), increments, mass_scale)
         force, sigma = scale_output(module(inputs).numpy(), drivers, manifest)
         truth = rollout.force_true[steps]
         nominal_error = None

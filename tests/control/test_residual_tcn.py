@@ -9,7 +9,15 @@ import pytest
 import torch
 from torch.nn import functional
 
-from control.force_features import HYBRID_GROUPS, PAPER_GROUPS, feature_names, features
+from control.force_features import (
+    HYBRID_GROUPS,
+    PAPER_GROUPS,
+    SIGMA_DRIVERS,
+    feature_names,
+    features,
+    increment_columns,
+    sigma_drivers,
+)
 from control.force_signals import Signals
 from control.learning.tcn_module import TcnModule
 from control.network_weights import NetworkManifest, WeightsError, load_network, save_network, scale_output
@@ -142,6 +150,7 @@ def saved_network(directory: Path, gaussian: bool = True) -> NetworkManifest:
         output_limit_n=(2.0, 2.0, 2.0),
         output_noise_n=0.0,
         sigma_scale=(1.0, 1.1, 0.9) if gaussian else None,
+        sigma_slopes=(0.5, 2.0, 0.3) if gaussian else (),
         training={"command": "python -m ..."},
         metrics={"validation_rmse_vector_n": 0.5},
     )
@@ -178,20 +187,35 @@ def test_missing_history_repeats_the_first_step(tmp_path: Path) -> None:
 def test_outputs_below_the_noise_vanish_and_large_ones_stay(tmp_path: Path) -> None:
     manifest = replace(saved_network(tmp_path), output_noise_n=0.1)
     raw = np.array([1e-3, 0.1 / 1.5, 1.0, 0.0, 0.0, 0.0])
-    force, _ = scale_output(raw, np.ones(2), manifest)
+    force, _ = scale_output(raw, np.ones(SIGMA_DRIVERS), manifest)
     assert abs(force[0]) < 1e-6
     assert force[1] == pytest.approx(0.05)
     assert force[2] == pytest.approx(1.5, rel=0.005)
 
 
-def test_sigma_follows_the_mass_and_the_force_does_not(tmp_path: Path) -> None:
-    manifest = replace(saved_network(tmp_path), sigma_slopes=(0.5, 2.0))
+def test_sigma_follows_its_drivers_and_the_force_does_not(tmp_path: Path) -> None:
+    manifest = saved_network(tmp_path)
     raw = np.array([0.1, 0.2, 0.3, -1.0, 0.0, 1.0])
-    force, sigma = scale_output(raw, np.array([1.0, 1.0]), manifest)
-    same_force, larger = scale_output(raw, np.array([1.2, 1.1]), manifest)
+    force, sigma = scale_output(raw, np.array([1.0, 1.0, -0.5]), manifest)
+    same_force, larger = scale_output(raw, np.array([1.2, 1.1, 0.5]), manifest)
     assert sigma is not None and larger is not None
     np.testing.assert_array_equal(force, same_force)
-    np.testing.assert_allclose(larger / sigma, np.exp(0.5 * 0.2 + 2.0 * 0.1))
+    np.testing.assert_allclose(larger / sigma, np.exp(0.5 * 0.2 + 2.0 * 0.1 + 0.3 * 1.0))
+
+
+def test_a_force_that_changes_faster_has_the_larger_driver_and_its_level_does_not_matter() -> None:
+    random = np.random.default_rng(7)
+    increments = increment_columns(GROUPS, INCREMENT_GROUPS)
+    windows, mass_scale = random.standard_normal((5, 20, len(increments))), random.uniform(0.8, 1.2, (5, 2))
+    drivers = sigma_drivers(windows, increments, mass_scale)
+    assert drivers.shape == (5, SIGMA_DRIVERS)
+    np.testing.assert_array_equal(drivers[:, :-1], mass_scale)
+    faster = sigma_drivers(windows * (1.0 + increments), increments, mass_scale)[:, -1]
+    assert (drivers[:, -1] < faster).all() and (faster < drivers[:, -1] + np.log(2.0)).all()
+    other_levels = windows + 3.0 * (1.0 - increments)
+    np.testing.assert_array_equal(sigma_drivers(other_levels, increments, mass_scale), drivers)
+    np.testing.assert_allclose(sigma_drivers(windows[2], increments, mass_scale[2]), drivers[2])
+    assert np.isfinite(sigma_drivers(0.0 * windows, increments, mass_scale)).all()
 
 
 def test_the_level_of_what_is_seen_as_change_does_not_matter(tmp_path: Path) -> None:
@@ -225,6 +249,8 @@ def test_an_extreme_input_is_clipped(tmp_path: Path) -> None:
         (lambda m: m.__setitem__("sha256", "0" * 64), "sha256"),
         (lambda m: m.__setitem__("schema", 0), "schema"),
         (lambda m: m.pop("nominal"), "nominal"),
+        (lambda m: m["sigma_slopes"].pop(), r"hybrid\.json: sigma_slopes has 2 entries.*3 drivers.*residual_training"),
+        (lambda m: m["sigma_slopes"].clear(), "sigma_slopes has 0 entries"),
     ],
 )
 def test_weights_that_do_not_fit_are_refused(tmp_path: Path, change, problem: str) -> None:

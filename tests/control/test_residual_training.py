@@ -8,11 +8,19 @@ import pytest
 import torch
 
 from control.learning.calibration import COVERAGE, calibrate
-from control.learning.evaluation import Prediction, relative_error
+from control.learning.evaluation import Prediction, predict, relative_error
 from control.learning.losses import beta_likelihood, smooth_l1
 from control.learning.residual_training import ResidualTraining, RunError, TrainingConfig, main
 from control.learning.rollout_bias import rollout_bias
-from control.learning.rollout_data import DatasetError, Rollout, column_sizes, load_split, save_rollout, write_manifest
+from control.learning.rollout_data import (
+    SETTLE_STEPS,
+    DatasetError,
+    Rollout,
+    column_sizes,
+    load_split,
+    save_rollout,
+    write_manifest,
+)
 from control.learning.shrinkage import NOISES_N, choose_output_noise
 from control.learning.targets import TARGETS
 from control.learning.windows import Normalization, WindowSet, raw_features, wanted_force
@@ -67,8 +75,9 @@ def test_exported_weights_run_as_they_were_trained(data: Path, tmp_path: Path, n
     training.module.eval()
     rollout = training.validation[0]
     signals = rollout.signals(TARGETS[name].features_from)
-    for step in range(30):
-        force, _ = network.step(type(signals)(**{f: getattr(signals, f)[step] for f in type(signals).__dataclass_fields__}))
+    sigmas = []
+    for step in range(SETTLE_STEPS + 30):
+        force, sigma = network.step(type(signals)(**{f: getattr(signals, f)[step] for f in type(signals).__dataclass_fields__}))
         window, _, _ = training.validation_set.windows(torch.tensor([0]), torch.tensor([step]))
         with torch.no_grad():
             raw = training.module(window)[0, :3].numpy()
@@ -76,6 +85,13 @@ def test_exported_weights_run_as_they_were_trained(data: Path, tmp_path: Path, n
         expected = np.clip(network.manifest.output_scale_n * raw, -limit, limit)
         expected *= expected**2 / (expected**2 + network.manifest.output_noise_n**2)
         np.testing.assert_allclose(force, expected, atol=1e-4)
+        sigmas.append(sigma)
+    stated = predict(training.module, training.validation_set, [rollout], TARGETS[name], network.manifest)[0].sigma
+    if stated is None:
+        assert sigmas == [None] * len(sigmas)
+    else:
+        assert all(network.manifest.sigma_slopes)
+        np.testing.assert_allclose(sigmas[SETTLE_STEPS:], stated[:30], rtol=1e-4)
 
 
 def test_a_resumed_run_ends_where_an_uninterrupted_one_does(data: Path, tmp_path: Path) -> None:
