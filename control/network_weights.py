@@ -30,9 +30,12 @@ class WeightsError(ValueError):
     """Weights cannot be used; the message names the file, what does not fit, and the cure."""
 
     def __init__(self, path: Path, problem: str) -> None:
-        super().__init__(
-            f"{path}: {problem}; restore the file, or train again with `python -m control.learning.residual_training`"
-        )
+        # As arguments, so that it comes back from another process.
+        super().__init__(path, problem)
+
+    def __str__(self) -> str:
+        path, problem = self.args
+        return f"{path}: {problem}; restore the file, or train again with `python -m control.learning.residual_training`"
 
 
 @dataclass(frozen=True, slots=True)

@@ -41,7 +41,8 @@ class PolicyTrainingConfig:
     score_every: iterations between two scores.
     score_seed, score_minutes: trials of the score; never those of a benchmark.
     verification_seed: of the trials that the chosen checkpoint is judged by, which had no part in choosing it.
-    warm_std, scratch_std, residual_std: action noise after imitation, without it, and of corrections.
+    warm_std, scratch_std, residual_std: action noise after imitation, without it, and of corrections: per action, as much as
+        disturbs about as much as there is to gain. What is learned under more noise is to live with noise.
     correction_penalty, noise_memory, correction_weights: PpoConfig.mean_penalty, noise_memory and head_weights of the residual
         form. With the usual weights it gives up heading for the hand.
     averaging: share of the old average that an iteration leaves in the network that is scored, the running average of those that
@@ -62,7 +63,7 @@ class PolicyTrainingConfig:
     verification_seed: int = 7500
     warm_std: float = 0.1
     scratch_std: float = 0.6
-    residual_std: float = 0.08
+    residual_std: tuple[float, ...] = (0.04,) * 12 + (0.02,) * 4 + (0.08,) * 3 + (0.03,) * 3
     correction_penalty: float = 1.0
     noise_memory: float = 0.6
     correction_weights: tuple[float, ...] = (1.5, 1.0)

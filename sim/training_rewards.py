@@ -38,7 +38,7 @@ class RewardScales:
     orientation_rad: float = 1.5
     position_fine: float = 0.4
     position_fine_m: float = 0.012
-    orientation_fine: float = 0.6
+    orientation_fine: float = 1.5
     orientation_fine_rad: float = 0.06
     force: float = 1.0
     force_n2: float = 60.0

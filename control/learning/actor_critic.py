@@ -1,6 +1,7 @@
 """Policy and value networks: an actor MLP with Gaussian actions, and one critic trunk with a value head per objective."""
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import torch
@@ -56,12 +57,12 @@ class ActorCritic(nn.Module):
         observation: int,
         privileged: int,
         actions: int,
-        std: float,
+        std: float | Sequence[float],
         bfloat16: bool,
         hidden: tuple[int, ...] = HIDDEN,
         critic_hidden: tuple[int, ...] = CRITIC_HIDDEN,
     ) -> None:
-        """`std`: initial standard deviation of actions. `bfloat16`: hidden layers of the critic compute in bfloat16, and so
+        """`std`: initial standard deviation of actions, of all or (a,). `bfloat16`: hidden layers of the critic compute in bfloat16, and so
         do the actor's for imitation. For PPO the actor computes in float32, only its gradients in bfloat16: rounding moves
         actions by about 0.003, which at an action noise of 0.1 looks like a KL divergence of 0.01, as much as a whole update
         may have."""
@@ -70,7 +71,7 @@ class ActorCritic(nn.Module):
         self.actor_head = nn.Linear(hidden[-1], actions)
         self.critic_trunk = mlp(observation + privileged, critic_hidden)
         self.critic_heads = nn.Linear(critic_hidden[-1], VALUE_HEADS)
-        self.log_std = nn.Parameter(torch.full((actions,), math.log(std)))
+        self.log_std = nn.Parameter(torch.log(torch.as_tensor(std, dtype=torch.float32).expand(actions)))
         self._bfloat16 = bfloat16
         with torch.no_grad():
             self.actor_head.weight *= 0.05

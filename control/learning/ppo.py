@@ -52,7 +52,7 @@ class PpoConfig:
     entropy: float = 0.0
     mean_penalty: float = 0.0
     gradient_limit: float = 1.0
-    std_range: tuple[float, float] = (0.03, 1.5)
+    std_range: tuple[float, float] = (0.01, 1.5)
     noise_memory: float = 0.0
     critic_only: int = 60
 

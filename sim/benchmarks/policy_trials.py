@@ -79,7 +79,7 @@ class ControllerTrial(Trial):
     def __init__(self, setup: TrialSetup, seed: int, scene: str = "free", settle_s: float = 1.0) -> None:
         # Networks that feed nothing would only take time.
         estimators = EstimatorsConfig() if setup.estimator in LEARNED_NAMES else EstimatorsConfig(weights=None)
-        config = PipelineConfig(controller="model_based", estimator=setup.estimator, estimators=estimators)
+        config = PipelineConfig(controller="model_based", estimator=setup.estimator, estimators=estimators, policies=None)
         self.session = Session(SessionConfig(scene=scene, seed=seed, pipeline=config))
         pipeline = self.session.pipeline
         if setup.gains is not None:
