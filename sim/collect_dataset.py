@@ -148,7 +148,9 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--output", type=Path, required=True, help="folder of the data set")
     parser.add_argument("--rollouts", type=int, default=500, help="of all splits together, see sim.rollout_plans")
     parser.add_argument("--seed", type=int, default=1, help="of everything random")
-    parser.add_argument("--duration", type=float, default=10.0, help="seconds per training rollout; held-out ones last twice as long")
+    parser.add_argument(
+        "--duration", type=float, default=10.0, help="seconds per training rollout; held-out ones last twice as long"
+    )
     parser.add_argument("--executor", choices=EXECUTOR_NAMES, default="local")
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="rollouts at a time (default: one per core)")
     parser.add_argument("--ray-address", help="of a running Ray cluster; by default Ray starts on this machine")

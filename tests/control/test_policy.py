@@ -1,6 +1,7 @@
 """The policy at run time: its weights are refused when anything differs, and it starts where another controller left off."""
 
 import json
+import pickle
 from itertools import pairwise
 from pathlib import Path
 
@@ -118,8 +119,10 @@ def test_other_numbers_than_the_manifest_describes_are_refused(tmp_path: Path):
 def test_missing_weights_are_named(tmp_path: Path):
     write_policy(tmp_path)
     (tmp_path / "policy.npz").unlink()
-    with pytest.raises(PolicyWeightsError, match=r"policy\.npz"):
+    with pytest.raises(PolicyWeightsError, match=r"policy\.npz") as refused:
         load_policy("policy", tmp_path)
+    # It comes back whole from a process of an executor.
+    assert str(pickle.loads(pickle.dumps(refused.value))) == str(refused.value)
 
 
 @pytest.mark.parametrize("content", ["{", "{}", '{"schema": 99}'])

@@ -34,7 +34,7 @@ def scores(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[str]]:
     The judgement on other trials gives the policy 1.2.
     """
     asked: list[str] = []
-    totals = iter([3.0, 1.0, 2.0, 4.0])
+    totals = iter([3.0, 1.0, 2.0, 4.0, 5.0])
 
     def score(name: str, make: object, seed: int, minutes: float, workers: int) -> Score:
         asked.append(name)
@@ -58,6 +58,23 @@ def test_run_keeps_and_exports_its_best_checkpoint(tmp_path: Path, scores: list[
     loaded, _ = load_policy("policy", tmp_path / "out")
     assert loaded.training["steps"] == (20 + 2) * 8
     assert (tmp_path / "run" / "curves.png").is_file()
+
+
+def test_what_is_scored_is_the_running_average_of_what_learned(tmp_path: Path, scores: list[str]):
+    training = PolicyTraining(tmp_path, replace(TINY, ppo_iterations=0, averaging=0.75))
+    training.fit()
+    expected = {name: tensor.clone() for name, tensor in training.network.state_dict().items()}
+    assert all(torch.equal(expected[name], tensor) for name, tensor in training.averaged.items())
+    for iterations in (1, 2, 3):
+        training.config = replace(training.config, ppo_iterations=iterations)
+        training.fit()
+        for name, tensor in training.network.state_dict().items():
+            expected[name] = 0.75 * expected[name] + 0.25 * tensor
+    assert not torch.equal(expected["actor_head.weight"], training.network.state_dict()["actor_head.weight"])
+    for name, tensor in training.averaged.items():
+        torch.testing.assert_close(tensor, expected[name])
+    again = PolicyTraining(tmp_path, training.config)
+    assert all(torch.equal(tensor, again.averaged[name]) for name, tensor in training.averaged.items())
 
 
 def test_run_continues_where_it_was_cut_off(tmp_path: Path, scores: list[str]):
