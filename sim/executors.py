@@ -1,8 +1,8 @@
 """Maps a function over many arguments on local processes or on a Ray cluster; results come as they get ready."""
 
 import multiprocessing
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from typing import Any, TypeVar
 
 Argument = TypeVar("Argument")

@@ -45,8 +45,8 @@ class PolicyTrainingConfig:
         disturbs about as much as there is to gain. What is learned under more noise is to live with noise.
     correction_penalty, noise_memory, correction_weights: PpoConfig.mean_penalty, noise_memory and head_weights of the residual
         form. With the usual weights it gives up heading for the hand.
-    averaging: share of the old average that an iteration leaves in the network that is scored, the running average of those that
-        learn: what a gradient's noise adds to one iteration's network averages out.
+    averaging: share of the old average that an iteration leaves in the network that is scored, which is the running average of
+        those that learn: what a gradient's noise adds to one iteration's network averages out.
     bfloat16: compute hidden layers in bfloat16; pays on CPUs with such instructions.
     """
 

@@ -62,10 +62,12 @@ class ActorCritic(nn.Module):
         hidden: tuple[int, ...] = HIDDEN,
         critic_hidden: tuple[int, ...] = CRITIC_HIDDEN,
     ) -> None:
-        """`std`: initial standard deviation of actions, of all or (a,). `bfloat16`: hidden layers of the critic compute in bfloat16, and so
-        do the actor's for imitation. For PPO the actor computes in float32, only its gradients in bfloat16: rounding moves
-        actions by about 0.003, which at an action noise of 0.1 looks like a KL divergence of 0.01, as much as a whole update
-        may have."""
+        """`std`: initial standard deviation of actions, of all or (a,).
+
+        `bfloat16`: hidden layers of the critic compute in bfloat16, and so do the actor's for imitation. For PPO the actor
+        computes in float32, only its gradients in bfloat16: rounding moves actions by about 0.003, which at an action noise of
+        0.1 looks like a KL divergence of 0.01, as much as a whole update may have.
+        """
         super().__init__()
         self.actor_trunk = mlp(observation, hidden, RoundedGradientLinear if bfloat16 else nn.Linear)
         self.actor_head = nn.Linear(hidden[-1], actions)
