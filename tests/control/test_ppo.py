@@ -153,15 +153,11 @@ class Drifting:
     """Toy task in which actions add up: where a robot is tells which noise it had. Zero action is best, everywhere."""
 
     def __init__(self, count: int) -> None:
-        self._place = np.zeros((count, 1))
+        self.observation = np.zeros((count, 1), np.float32)
         self.privileged = np.zeros((count, 1), np.float32)
 
-    @property
-    def observation(self) -> np.ndarray:
-        return self._place.astype(np.float32)
-
     def step(self, action: np.ndarray) -> "_Outcome":
-        self._place = 0.9 * self._place + action
+        self.observation = 0.9 * self.observation + action
         outcome = _Outcome(-(action**2).repeat(2, axis=1))
         outcome.done[:] = False
         return outcome
