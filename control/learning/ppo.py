@@ -48,7 +48,7 @@ class PpoConfig:
     actor_rate: float = 1e-5
     actor_rate_range: tuple[float, float] = (1e-6, 1.5e-3)
     critic_rate: float = 1e-3
-    target_kl: float = 0.004
+    target_kl: float = 0.012
     entropy: float = 0.0
     mean_penalty: float = 0.0
     gradient_limit: float = 1.0
