@@ -3,9 +3,10 @@
     python -m sim.benchmarks.policy [--quick] [--controllers NAME ...] [--cases CASE ...] [--weights DIR]
                                     [--minutes M] [--workers N] [--json PATH] [--plot DIR]
 
-Random commands with every mask against virtual springs at +-10, +-20 and +-30 N, with noisy sensors and the real estimators:
-tracking errors, falls, power, overshoot where an axis changes to force control in motion; then pushes at the hand, wrong
-masses, and the force input replaced by truth, zero and other estimators. A case is played in pieces with seeds of their own.
+Random commands with every mask against virtual springs at +-10 and +-20 N, with noisy sensors and the real estimators:
+tracking errors, falls, power, overshoot where an axis changes to force control in motion; then +-30 N, which on three axes
+at once tips a moving robot, pushes at the hand, wrong masses, and the force input replaced by truth, zero and other
+estimators. A case is played in pieces with seeds of their own.
 Last, how light each controller is to lead by the hand.
 """
 
@@ -28,8 +29,10 @@ from sim.executors import map_unordered
 from sim.policy_score import rms, settled_position_cm
 
 AXES = ("x", "y", "z")
-LEVELS_N = (10.0, 20.0, 30.0)
+LEVELS_N = (10.0, 20.0)
+STRONG_N = 30.0
 MASS_SCALES = (0.8, 1.2)
+STRONG_CASE = f"forces {STRONG_N:g} N"
 PUSH_N = 15.0
 INFERENCE_REPEATS = 300
 PIECE_MINUTES = 2.0
@@ -37,18 +40,20 @@ PIECE_MINUTES = 2.0
 
 @dataclass(frozen=True, slots=True)
 class Piece:
-    """A part of a case, played by one process."""
+    """A part of a case, played by one process with forces of `levels_n`."""
 
     case: str
     setup: TrialSetup
     seed: int
     minutes: float
+    levels_n: tuple[float, ...] = LEVELS_N
 
 
 def cases(plain: TrialSetup) -> Iterator[tuple[str, TrialSetup]]:
     """What is run with a controller: name of the case, and its setup."""
     yield "random", plain
     yield f"pushes {PUSH_N:g} N", replace(plain, push_n=PUSH_N)
+    yield STRONG_CASE, plain
     for scale in MASS_SCALES:
         yield f"mass {scale:g}", replace(plain, mass_scale=scale)
     for force_input in ("truth", "zero"):
@@ -66,7 +71,8 @@ def pieces(plain: TrialSetup, seed: int, minutes: float, quick: bool) -> list[Pi
         total = minutes if quick or case == "random" or setup.push_n else 0.1 * minutes
         count = max(1, round(total / PIECE_MINUTES))
         # Every case meets the same commands.
-        result += [Piece(case, setup, seed + 100 * index, total / count) for index in range(count)]
+        levels_n = (STRONG_N,) if case == STRONG_CASE else LEVELS_N
+        result += [Piece(case, setup, seed + 100 * index, total / count, levels_n) for index in range(count)]
         if quick and setup.push_n:
             break
     return result
@@ -74,7 +80,7 @@ def pieces(plain: TrialSetup, seed: int, minutes: float, quick: bool) -> list[Pi
 
 def play(piece: Piece) -> tuple[Piece, Errors]:
     """Run a piece; importable by an executor's processes."""
-    return piece, random_commands(piece.setup, piece.seed, piece.minutes, LEVELS_N)
+    return piece, random_commands(piece.setup, piece.seed, piece.minutes, piece.levels_n)
 
 
 def summary(case: str, setup: TrialSetup, errors: Errors) -> Row:
@@ -86,7 +92,7 @@ def summary(case: str, setup: TrialSetup, errors: Errors) -> Row:
         "settled_position_cm": settled_position_cm(errors),
         "settled_orientation_deg": float(np.degrees(rms(np.array(errors.orientation)))),
     }
-    row |= {f"rmse_force_{level:g}n_n": rms(errors.force_at(level)) for level in LEVELS_N}
+    row |= {f"rmse_force_{level:g}n_n": rms(errors.force_at(level)) for level in (*LEVELS_N, STRONG_N)}
     row |= {
         "rmse_estimate_n": rms(np.array(errors.estimate)),
         "overshoot_median_n": float(np.median(errors.overshoot)) if errors.overshoot else None,
@@ -190,8 +196,9 @@ def main() -> int:
             results[piece.case].add(errors)
             report.progress(f"{name}, {piece.case}, seed {piece.seed}: {errors.falls} falls")
         report.rows += [summary(piece.case, piece.setup, results[piece.case]) for piece in plan if piece.seed == arguments.seed]
+        for case in ("random", STRONG_CASE):
+            report.rows += mask_rows(name, results.get(case, Errors()))
         if "random" in results:
-            report.rows += mask_rows(name, results["random"])
             add_bars(report, setups[name], results["random"])
         pushed = results.get(f"pushes {PUSH_N:g} N")
         if pushed is not None:
