@@ -48,9 +48,9 @@ def _local(function: Callable[[Argument], Result], arguments: Sequence[Argument]
         try:
             for future in as_completed([pool.submit(function, argument) for argument in arguments]):
                 yield future.result()
-        except BaseException:
+        finally:
+            # After an error, or when nobody wants more results, what has not begun does not begin.
             pool.shutdown(wait=False, cancel_futures=True)
-            raise
 
 
 def _ray(

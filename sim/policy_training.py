@@ -141,7 +141,7 @@ class PolicyTraining:
         started, steps_then = time.perf_counter(), self.steps
         while self.learner.iteration < config.ppo_iterations:
             statistics = self.learner.iterate(self.env)
-            for name, tensor in self._parameters().items():
+            for name, tensor in self.network.state_dict().items():
                 self.averaged[name].lerp_(tensor, 1.0 - config.averaging)
             self.steps += config.count * self.learner.config.horizon
             self.history["ppo"].append({"steps": self.steps, **asdict(statistics)})
