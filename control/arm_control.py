@@ -24,7 +24,7 @@ class ArmConfig:
     Attributes:
         position_gain: 1/s, reference velocity per position error.
         position_error_limit_m: error beyond which the approach speed grows no more.
-        orientation_gain: 1/s.
+        orientation_gain: 1/s. With less, a mass that the model does not know of turns the hand by degrees.
         orientation_scale_m: what one radian costs in metres when position and orientation conflict.
         damping: of the damped least squares, in m: a reach that stretches the arm gets slow instead of violent.
         joint_speed_limit_rps: of the resolved joint velocity.
@@ -49,7 +49,7 @@ class ArmConfig:
 
     position_gain: float = 6.0
     position_error_limit_m: float = 0.1
-    orientation_gain: float = 5.0
+    orientation_gain: float = 8.0
     orientation_scale_m: float = 0.15
     damping: float = 0.04
     joint_speed_limit_rps: float = 3.0

@@ -11,6 +11,7 @@ import os
 import shlex
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -39,6 +40,7 @@ def collect(
     workers: int = 1,
     address: str | None = None,
     command: str = "",
+    splits: Sequence[str] = SPLITS,
 ) -> dict[str, Any]:
     """Record what is missing in `output` and write its manifest.
 
@@ -47,6 +49,7 @@ def collect(
         seed, rollouts, duration_s: see sim.rollout_plans.plan_rollouts.
         executor, workers, address: see sim.executors.map_unordered.
         command: as given, for the manifest.
+        splits: those to record, of rollout_data.SPLITS.
 
     Returns:
         The manifest.
@@ -55,11 +58,12 @@ def collect(
         CollectionError: `output` holds rollouts of other plans.
         ExecutorError: the executor is not available.
     """
-    plans = plan_rollouts(seed, rollouts, scenes.build("free").robot_bodies, duration_s)
+    planned = plan_rollouts(seed, rollouts, scenes.build("free").robot_bodies, duration_s)
+    plans = [plan for plan in planned if plan.split in splits]
     done = {plan.index: entry for plan in plans if (entry := _read_entry(output, plan)) is not None}
     # In random order, so that a collection in progress already holds some of every split.
     shuffled = np.random.default_rng(seed).permutation(len(plans)).tolist()
-    missing = [plans[index] for index in shuffled if index not in done]
+    missing = [plan for plan in (plans[place] for place in shuffled) if plan.index not in done]
     logger.info("%d of %d rollouts are there; recording %d with %d workers", len(done), len(plans), len(missing), workers)
     started = time.perf_counter()
     for count, recording in enumerate(map_unordered(executor, record_rollout, missing, workers, address), 1):
@@ -151,6 +155,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument(
         "--duration", type=float, default=10.0, help="seconds per training rollout; held-out ones last twice as long"
     )
+    parser.add_argument("--splits", nargs="+", choices=SPLITS, default=SPLITS, help="what to record of it (default: all)")
     parser.add_argument("--executor", choices=EXECUTOR_NAMES, default="local")
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="rollouts at a time (default: one per core)")
     parser.add_argument("--ray-address", help="of a running Ray cluster; by default Ray starts on this machine")
@@ -166,6 +171,7 @@ def main(arguments: list[str] | None = None) -> None:
         options.workers,
         options.ray_address,
         shlex.join(["python", "-m", "sim.collect_dataset", *words]),
+        options.splits,
     )
     logger.info("kept %s of %d attempts, rejected %s", manifest["counts"], manifest["attempts"], manifest["rejected"])
     logger.info("profiles %s", manifest["profiles"])

@@ -154,6 +154,13 @@ def test_without_ray_the_cure_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
         map_unordered("abacus", abs, [-1], 1)
 
 
+def test_one_split_is_recorded_as_it_is_among_all(tmp_path: Path) -> None:
+    whole = collect(tmp_path / "whole", seed=4, rollouts=3, duration_s=0.2)
+    part = collect(tmp_path / "part", seed=4, rollouts=3, duration_s=0.2, splits=("validation",))
+    assert part["counts"] == {"train": 0, "validation": 1, "test": 0}
+    assert part["rollouts"] == [entry for entry in whole["rollouts"] if entry["split"] == "validation"]
+
+
 def test_a_local_ray_cluster_gives_the_same_data(tmp_path: Path) -> None:
     pytest.importorskip("ray")
     local = collect(tmp_path / "local", seed=4, rollouts=3, duration_s=0.2)
