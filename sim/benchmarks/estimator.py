@@ -15,7 +15,7 @@ from functools import partial
 from sim import scenes
 from sim.benchmarks.estimator_ablations import ABLATIONS
 from sim.benchmarks.estimator_plots import plot_bars, plot_force_over_time
-from sim.benchmarks.estimator_rows import Cell, cell_bars, cell_rows
+from sim.benchmarks.estimator_rows import Cell, cell_bars, cell_rows, coverage_bars
 from sim.benchmarks.estimator_trials import Trial, draw_plan, run_trial
 from sim.benchmarks.report import Report, argument_parser
 from sim.executors import map_unordered
@@ -89,6 +89,7 @@ def main() -> int:
             report.progress(f"{cell}: every rollout was rejected, no row")
         report.rows += rows
         report.bars += cell_bars(cell, rows)
+    report.bars += coverage_bars(trials)
     report.finish(arguments.json)
     if arguments.plot is not None and report.rows:
         plot_bars(arguments.plot, report.rows)

@@ -36,9 +36,17 @@ def coverage(scores: Sequence[Scores], sigmas: float) -> float | None:
 
     A Gaussian error of the stated size gives 0.683 within one and 0.954 within two.
     """
+    if not scores:
+        return None
     inside = np.concatenate([np.abs(score.error) <= sigmas * score.sigma for score in scores])
     known = np.concatenate([np.isfinite(score.sigma) for score in scores])
     return float(inside[known].mean()) if known.any() else None
+
+
+def coverage_error(scores: Sequence[Scores], sigmas: float) -> float | None:
+    """Standard error of `coverage` over rollouts: robots differ, the samples of one do not. None of fewer than two."""
+    shares = [share for score in scores if (share := coverage([score], sigmas)) is not None]
+    return float(np.std(shares, ddof=1) / np.sqrt(len(shares))) if len(shares) > 1 else None
 
 
 def mean_and_deviation(values: Sequence[float]) -> tuple[float, float | None]:

@@ -10,6 +10,7 @@ import torch
 from control.learning.calibration import COVERAGE, calibrate
 from control.learning.evaluation import Prediction, predict, relative_error
 from control.learning.losses import beta_likelihood, smooth_l1
+from control.learning.recalibration import recalibrate
 from control.learning.residual_training import ResidualTraining, RunError, TrainingConfig, main
 from control.learning.rollout_bias import rollout_bias
 from control.learning.rollout_data import (
@@ -60,6 +61,24 @@ def test_a_residual_network_halves_the_noise_around_a_force_that_stands_still(da
     assert cell["rmse_vector_n"] < 0.5 * cell["nominal_rmse_vector_n"]
     assert cell["coverage_2sigma"] == pytest.approx(0.9545, abs=0.01)
     assert (tmp_path / "run" / "curves.png").stat().st_size > 1000
+
+
+def test_recalibration_covers_other_data_and_leaves_the_network_alone(data: Path, tmp_path: Path) -> None:
+    weights, other = tmp_path / "weights", tmp_path / "other"
+    base = ["--data", str(data), "--target", "hybrid", "--run", str(tmp_path / "run"), "--output", str(weights)]
+    main([*base, "--epochs", "1", "--samples-per-epoch", "256"])
+    before, network = load_network("hybrid", weights).manifest, (weights / "hybrid.npz").read_bytes()
+    arrays = made_up_rollout(20)
+    arrays["adaptive.force"] = arrays["force_true"] + 3.0 * (arrays["adaptive.force"] - arrays["force_true"])
+    save_rollout(other / "rollout.npz", arrays)
+    entry = {"file": "rollout.npz", "split": "validation", "profile": "hold", "mass_scale": 1.0, "per_link": {}}
+    write_manifest(other, {"seed": 1, "commit": "none", "command": "none", "rollouts": [entry]})
+    recalibrate(other, "hybrid", weights, "test")
+    after = load_network("hybrid", weights).manifest
+    assert (weights / "hybrid.npz").read_bytes() == network and after.metrics == before.metrics
+    assert after.training["calibration"]["cells"]["hold 1.0"]["coverage_2sigma"] == pytest.approx(0.9545, abs=0.01)
+    assert after.sigma_scale is not None and before.sigma_scale is not None
+    assert np.mean(after.sigma_scale) > 1.5 * np.mean(before.sigma_scale)
 
 
 @pytest.mark.parametrize("name", sorted(TARGETS))
