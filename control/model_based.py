@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from control.arm_control import ArmConfig, ArmControl
+from control.arm_control import NO_CORRECTION, ArmConfig, ArmControl, HandCorrection
 from control.command import CommandLimits
 from control.controller import ControllerInput
 from control.frames import rotation_heading_to_world
@@ -46,8 +46,8 @@ class ModelBasedController:
         self._legs.reset()
         self._wheels.reset()
 
-    def step(self, inputs: ControllerInput) -> np.ndarray:
-        """Joint targets (22,), see `Controller.step`."""
+    def step(self, inputs: ControllerInput, correction: HandCorrection = NO_CORRECTION) -> np.ndarray:
+        """Joint targets (22,), see `Controller.step`; a residual policy may correct the references of the hand."""
         heading = rotation_heading_to_world(inputs.base.rotation_base_to_world)
         on_force = self._arm.on_force(inputs)
         hand_force = on_force * inputs.command.force_n + (1.0 - on_force) * inputs.force_in_heading
@@ -57,5 +57,5 @@ class ModelBasedController:
         targets = np.empty(JOINT_COUNT)
         targets[LEG_SLICE] = legs.position
         targets[WHEEL_SLICE] = self._wheels.step(inputs, lateral, legs, float(self._stance.shift_velocity[0]))
-        targets[ARM_SLICE] = self._arm.step(inputs, heading, on_force)
+        targets[ARM_SLICE] = self._arm.step(inputs, heading, on_force, correction)
         return targets

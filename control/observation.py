@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from control.arm_control import HandCorrection
 from control.controller import CONTROL_PERIOD_S, ControllerInput
 from control.frames import rotation_error, rotation_from_quaternion, rotation_heading_to_world
 from control.joints import ARM_SLICE, JOINT_COUNT, LEG_SLICE, NOMINAL_BASE_HEIGHT_M, NOMINAL_POSITION, WHEEL_SLICE
@@ -41,11 +42,12 @@ class ObservationScales:
     leg_velocity: float = 0.1
     wheel_velocity: float = 0.05
     arm_velocity: float = 0.2
-    position_error: float = 10.0
-    orientation_error: float = 3.0
+    position_error: float = 40.0
+    orientation_error: float = 15.0
     reference_velocity: float = 2.0
     position_integral: float = 33.0
     force_integral: float = 0.8
+    force_error: float = 0.5
     base_height: float = 10.0
     base_linear_velocity: float = 2.0
     yaw_integral: float = 2.0
@@ -63,8 +65,9 @@ class ActionScales:
     Attributes:
         leg_rad, wheel_rps, arm_rad: one unit of action.
         limit: largest action.
-        hand_force_n, hand_torque_nm: one unit of a residual policy's correction of the arm, a wrench that the hand exerts,
-            in heading: what an error of the hand asks for does not depend on the posture then.
+        hand_velocity_mps, hand_force_n, hand_turn_rps: one unit of a residual policy's correction of the arm, of what is asked
+            of the hand: the first on position axes, the second on force axes. What an error of the hand asks for depends on
+            neither posture nor inertia then, and turning the hand does not move it.
         correction_limit: largest part of a correction.
     """
 
@@ -72,18 +75,20 @@ class ActionScales:
     wheel_rps: float = 5.0
     arm_rad: float = 0.5
     limit: float = 8.0
-    hand_force_n: float = 20.0
-    hand_torque_nm: float = 4.0
+    hand_velocity_mps: float = 0.1
+    hand_force_n: float = 10.0
+    hand_turn_rps: float = 1.0
     correction_limit: float = 1.0
 
     def per_joint(self) -> np.ndarray:
         """(22,) scale of each joint."""
         return np.array([self.leg_rad] * 12 + [self.wheel_rps] * 4 + [self.arm_rad] * 6)
 
-    def hand_wrench(self, correction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Force and torque (..., 3), N and N m in heading, of a residual policy's correction (..., 22)."""
-        arm = correction[..., ARM_SLICE]
-        return self.hand_force_n * arm[..., :3], self.hand_torque_nm * arm[..., 3:]
+    def hand_correction(self, action: np.ndarray) -> HandCorrection:
+        """What the action (..., 22) of a residual policy asks of the hand."""
+        arm = action[..., ARM_SLICE]
+        linear, angular = arm[..., :3], arm[..., 3:]
+        return HandCorrection(self.hand_velocity_mps * linear, self.hand_force_n * linear, self.hand_turn_rps * angular)
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,6 +124,7 @@ _EXTENSION: dict[str, tuple[int, _Part]] = {
     "orientation_error": (3, lambda s, k: k.orientation_error * s.signals.orientation_error),
     "reference_velocity": (3, lambda s, k: k.reference_velocity * s.memory.reference_velocity),
     "position_integral": (3, lambda s, k: k.position_integral * s.memory.position_integral),
+    "force_error": (3, lambda s, k: k.force_error * s.signals.force_error),
     "force_integral": (3, lambda s, k: k.force_integral * s.memory.force_integral),
     "base_height": (1, lambda s, k: k.base_height * (s.signals.base_height - NOMINAL_BASE_HEIGHT_M)),
     "base_linear_velocity": (3, lambda s, k: k.base_linear_velocity * s.signals.base_linear_velocity),

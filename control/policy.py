@@ -1,7 +1,7 @@
 """The learned whole-body policy as a controller: observation -> actor -> joint targets, at 50 Hz.
 
 A policy of the residual form adds a bounded correction to the targets of the model-based controller, which it runs inside:
-in joints for legs and wheels, as a wrench of the hand for the arm.
+in joints for legs and wheels, in the references of the hand for the arm.
 """
 
 from pathlib import Path
@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 
 from control.controller import Controller, ControllerInput
-from control.frames import rotation_heading_to_world
 from control.joints import ARM_SLICE, DAMPING, NOMINAL_POSITION, STIFFNESS, WHEEL_SLICE
 from control.model_based import ModelBasedController
 from control.observation import RESIDUAL_FORM, ActionScales, Observation, advance_phase, task_signals
@@ -64,21 +63,13 @@ class PolicyController:
         self.observation = self._form.assemble(signals, self._memory, self.action, self._phase)
         action = self._actor(self.observation).astype(float)
         if self._corrected is not None:
-            action = (self._corrected.step(inputs) - self._nominal) / self._scale + self._correction(action, inputs)
+            added = np.clip(action, -self._scales.correction_limit, self._scales.correction_limit)
+            targets = self._corrected.step(inputs, self._scales.hand_correction(added))
+            added[ARM_SLICE] = 0.0
+            action = (targets - self._nominal) / self._scale + added
         self.action = np.clip(action, -self._limit, self._limit)
         self._phase = advance_phase(self._phase)
         return self._nominal + self._scale * self.action
-
-    def _correction(self, action: np.ndarray, inputs: ControllerInput) -> np.ndarray:
-        """Of the model-based controller's action (22,)."""
-        limit = self._scales.correction_limit
-        correction = np.clip(action, -limit, limit)
-        heading = rotation_heading_to_world(inputs.base.rotation_base_to_world)
-        wrench = np.concatenate([heading @ part for part in self._scales.hand_wrench(correction)])
-        jacobian = inputs.model.end_effector_jacobian[:, inputs.model.joint_rows[ARM_SLICE]]
-        torque = jacobian.T @ wrench
-        correction[ARM_SLICE] = torque / STIFFNESS[ARM_SLICE] / self._scale[ARM_SLICE]
-        return correction
 
     def _held_action(self, signals: TaskSignals) -> np.ndarray:
         """The action that keeps the present torques: what the previous one was, whoever gave it."""

@@ -25,7 +25,7 @@ from sim.training_env import PRIVILEGED_SIZE, TrainingEnv, TrainingEnvConfig
 
 logger = logging.getLogger("train_policy")
 
-SCHEMA = 2
+SCHEMA = 3
 _FROM_SCRATCH = PpoConfig(actor_rate=1e-3, epochs=5, minibatches=4, target_kl=0.012, entropy=0.002, critic_only=0)
 
 
@@ -43,8 +43,9 @@ class PolicyTrainingConfig:
     verification_seed: of the trials that the chosen checkpoint is judged by, which had no part in choosing it.
     warm_std, scratch_std, residual_std: action noise after imitation, without it, and of corrections: per action, as much as
         disturbs about as much as there is to gain. What is learned under more noise is to live with noise.
-    correction_penalty, noise_memory, correction_weights: PpoConfig.mean_penalty, noise_memory and head_weights of the residual
-        form. With the usual weights it gives up heading for the hand.
+    correction_penalty, noise_memory: PpoConfig.mean_penalty and noise_memory of the residual form.
+    correction_parts, correction_weights: its PpoConfig.parts and head_weights: legs and wheels are judged by locomotion first,
+        the arm by the hand.
     averaging: share of the old average that an iteration leaves in the network that is scored, which is the running average of
         those that learn: what a gradient's noise adds to one iteration's network averages out.
     bfloat16: compute hidden layers in bfloat16; pays on CPUs with such instructions.
@@ -63,10 +64,11 @@ class PolicyTrainingConfig:
     verification_seed: int = 7500
     warm_std: float = 0.1
     scratch_std: float = 0.6
-    residual_std: tuple[float, ...] = (0.04,) * 12 + (0.02,) * 4 + (0.08,) * 3 + (0.03,) * 3
-    correction_penalty: float = 1.0
+    residual_std: tuple[float, ...] = (0.03,) * 12 + (0.02,) * 4 + (0.1,) * 6
+    correction_penalty: tuple[float, ...] = (0.006, 0.001)
     noise_memory: float = 0.6
-    correction_weights: tuple[float, ...] = (1.5, 1.0)
+    correction_parts: tuple[int, ...] = (16, 6)
+    correction_weights: tuple[tuple[float, ...], ...] = ((1.5, 0.7), (0.3, 1.0))
     averaging: float = 0.98
     bfloat16: bool = True
     dagger: DaggerConfig = field(default_factory=DaggerConfig)
@@ -100,6 +102,7 @@ class PolicyTraining:
                 ppo,
                 mean_penalty=config.correction_penalty,
                 noise_memory=config.noise_memory,
+                parts=config.correction_parts,
                 head_weights=config.correction_weights,
             )
             # The first policy is the model-based controller itself.

@@ -36,7 +36,7 @@ class CommandRanges:
     turn_share: float = 0.7
     forward_mps: tuple[float, float] = (-0.55, 0.55)
     yaw_rps: tuple[float, float] = (-0.5, 0.5)
-    kind_shares: tuple[float, ...] = (0.28, 0.34, 0.1, 0.2, 0.08)
+    kind_shares: tuple[float, ...] = (0.2, 0.3, 0.1, 0.28, 0.12)
     all_axes_share: float = 0.25
     force_n: float = 25.0
     no_force_share: float = 0.15

@@ -9,22 +9,21 @@ from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 
-from control.arm_control import ArmConfig
+from control.arm_control import NO_CORRECTION, ArmConfig, HandCorrection
 from control.command import CommandLimits
 from control.controller import CONTROL_PERIOD_S
-from control.joints import ARM_SLICE, JOINT_COUNT, NOMINAL_BASE_HEIGHT_M, NOMINAL_POSITION, STIFFNESS, WHEEL_SLICE
+from control.joints import ARM_SLICE, JOINT_COUNT, NOMINAL_BASE_HEIGHT_M, NOMINAL_POSITION, WHEEL_SLICE
 from control.observation import EXTENDED_FORM, RESIDUAL_FORM, ActionScales, Observation, advance_phase
 from control.task_memory import TaskMemory, TaskMemoryConfig, TaskSignals
 from sim.batch_rotations import (
     products,
     quaternions_from_rotations,
-    rotate,
     rotate_back,
     rotation_errors,
     rotations_from_quaternions,
 )
 from sim.estimator_surrogate import EstimatorSurrogate, SurrogateParameters, fitted_surrogate
-from sim.training_commands import CommandRanges, CommandSource
+from sim.training_commands import SLIDE, CommandRanges, CommandSource
 from sim.training_references import BatchedReferences
 from sim.training_rewards import RewardInput, RewardScales, rewards
 from sim.training_robot import SUBSTEPS, BatchedRobot, Randomization
@@ -132,9 +131,9 @@ class TrainingEnv:
         """Length of an observation."""
         return self.form.size
 
-    def teacher_action(self) -> np.ndarray:
-        """Action (n, 22) of the teacher at the current observation; call once per step."""
-        targets = self.teacher.targets(self.signals, self.memory)
+    def teacher_action(self, correction: HandCorrection = NO_CORRECTION) -> np.ndarray:
+        """Action (n, 22) of the teacher at the current observation, its hand's references corrected; call once per step."""
+        targets = self.teacher.targets(self.signals, self.memory, correction)
         return np.clip((targets - self._nominal) / self.action_scale, -self._action_limit, self._action_limit)
 
     def step(self, action: np.ndarray) -> StepResult:
@@ -142,7 +141,9 @@ class TrainingEnv:
         config, robot = self.config, self.robot
         action = action.astype(float, order="F")
         if self._corrects:
-            action = self.teacher_action() + self._correction(action)
+            added = np.clip(action, -self._scales.correction_limit, self._scales.correction_limit)
+            action = self.teacher_action(self._scales.hand_correction(added))
+            action[:, : ARM_SLICE.start] += added[:, : ARM_SLICE.start]
         action = np.clip(action, -self._action_limit, self._action_limit)
         robot.set_targets(self._nominal + self.action_scale * action)
         mean_force = np.zeros_like(self._hand_force)
@@ -174,15 +175,6 @@ class TrainingEnv:
         if fresh.size:
             self._observe_fresh(fresh)
         return StepResult(reward, done, ended, *last, state, mask, segment_s)
-
-    def _correction(self, action: np.ndarray) -> np.ndarray:
-        """What a residual policy's action (n, 22) adds to the teacher's, see control.policy."""
-        robot, limit = self.robot, self._scales.correction_limit
-        correction = np.clip(action, -limit, limit)
-        force, torque = (rotate(robot.rotation_heading_to_world, part) for part in self._scales.hand_wrench(correction))
-        joint_torque = rotate(robot.hand_jacobian, force) + rotate(robot.axes[:, ARM_SLICE], torque)
-        correction[:, ARM_SLICE] = joint_torque / STIFFNESS[ARM_SLICE] / self.action_scale[ARM_SLICE]
-        return correction
 
     def _reset(self, ids: np.ndarray) -> None:
         self.robot.reset(ids)
@@ -304,6 +296,7 @@ class TrainingEnv:
             gravity_xy=gravity[:, :2],
             position_error=(1.0 - references.mask) * (self._true_hand() - references.position),
             orientation_error=rotation_errors(target, robot.hand_rotation),
+            drags=self.source.kind == SLIDE,
             force_error=references.mask * (self._hand_force - references.force),
             joint_position=robot.joint_position,
             joint_velocity=robot.joint_velocity,

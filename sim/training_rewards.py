@@ -17,7 +17,8 @@ class RewardScales:
         yaw, yaw_width, yaw_fine, yaw_fine_width: the same of the yaw rate.
         position, position_m, orientation_rad: exp(-|error|_1 / position_m - |e_R|_1 / orientation_rad), the paper's r_pos.
         position_fine, position_fine_m: exp(-|error|_1 / position_fine_m).
-        orientation_fine, orientation_fine_rad: exp(-|e_R|_1 / orientation_fine_rad).
+        orientation_fine, orientation_fine_rad: exp(-|e_R|_1 / orientation_fine_rad); not while dragging, where what is held
+            turns the hand and holding against it costs force.
         force, force_n2, force_fine, force_fine_n2: exp(-|error|^2 / n2), the paper's r_force.
         heave, rocking, tilt, height, leg_torque, leg_posture, leg_smoothness: penalties of squares.
         arm_torque, arm_velocity, arm_smoothness: penalties of squares.
@@ -65,7 +66,7 @@ class RewardInput:
 
     Attributes:
         velocity_error: (n, 2) m/s. yaw_error, heave, height: (n,). rocking, gravity_xy: (n, 2), in base.
-        position_error: (n, 3) m, zero on force axes. orientation_error: (n, 3) rad.
+        position_error: (n, 3) m, zero on force axes. orientation_error: (n, 3) rad. drags: (n,) bool.
         force_error: (n, 3) N, zero on position axes.
         joint_position, joint_velocity, joint_torque, action_change: (n, 22). fallen: (n,) bool.
     """
@@ -78,6 +79,7 @@ class RewardInput:
     gravity_xy: np.ndarray
     position_error: np.ndarray
     orientation_error: np.ndarray
+    drags: np.ndarray
     force_error: np.ndarray
     joint_position: np.ndarray
     joint_velocity: np.ndarray
@@ -109,7 +111,7 @@ def rewards(scales: RewardScales, state: RewardInput) -> np.ndarray:
     end_effector = (
         k.position * np.exp(-position / k.position_m - orientation / k.orientation_rad)
         + k.position_fine * np.exp(-position / k.position_fine_m)
-        + k.orientation_fine * np.exp(-orientation / k.orientation_fine_rad)
+        + k.orientation_fine * np.where(state.drags, 0.0, np.exp(-orientation / k.orientation_fine_rad))
         + k.force * np.exp(-force / k.force_n2)
         + k.force_fine * np.exp(-force / k.force_fine_n2)
         - k.arm_torque * _square(state.joint_torque[:, ARM_SLICE])

@@ -7,7 +7,7 @@ nominal ones, as they are for the controller.
 import mujoco
 import numpy as np
 
-from control.arm_control import ArmConfig
+from control.arm_control import NO_CORRECTION, ArmConfig, HandCorrection
 from control.command import CommandLimits
 from control.controller import CONTROL_PERIOD_S
 from control.joints import (
@@ -83,16 +83,18 @@ class BatchedTeacher:
         self._shift[ids] = 0.0
         self._held_shift[ids] = 0.0
 
-    def targets(self, signals: TaskSignals, memory: TaskMemory) -> np.ndarray:
-        """Joint targets (n, 22), see control.controller."""
+    def targets(self, signals: TaskSignals, memory: TaskMemory, correction: HandCorrection = NO_CORRECTION) -> np.ndarray:
+        """Joint targets (n, 22), see control.controller; `correction` of the hand's references, see control.arm_control."""
         gravity = self._gravity_torque()
         targets = np.empty((self._robot.count, JOINT_COUNT), order="F")
         targets[:, LEG_SLICE], wheel_torque, support = self._leg_targets(signals, gravity)
         targets[:, WHEEL_SLICE] = self._wheel_targets(signals, memory, wheel_torque, support)
-        targets[:, ARM_SLICE] = self._arm_targets(signals, memory, gravity[:, ARM_SLICE])
+        targets[:, ARM_SLICE] = self._arm_targets(signals, memory, gravity[:, ARM_SLICE], correction)
         return targets
 
-    def _arm_targets(self, signals: TaskSignals, memory: TaskMemory, gravity: np.ndarray) -> np.ndarray:
+    def _arm_targets(
+        self, signals: TaskSignals, memory: TaskMemory, gravity: np.ndarray, correction: HandCorrection
+    ) -> np.ndarray:
         config, robot = self._arm, self._robot
         heading, mask = robot.rotation_heading_to_world, signals.mask
         q, dq = signals.joint_position[:, ARM_SLICE], signals.joint_velocity[:, ARM_SLICE]
@@ -114,10 +116,11 @@ class BatchedTeacher:
         to_lower, to_upper = _WORKSPACE[:, None] - signals.hand_position
         approach = np.clip(approach, config.position_gain * to_lower, config.position_gain * to_upper)
         on_force = self._on_force(signals)
-        motion = (1.0 - mask) * tracking + mask * approach
+        motion = (1.0 - mask) * (tracking + correction.velocity) + mask * approach
         yielding = config.force_velocity_feedback * rotate_back(heading, arm_velocity)
         linear = rotate(heading, (1.0 - on_force) * motion + on_force * yielding)
-        angular = config.orientation_gain * rotate(heading, signals.orientation_error)
+        turning = config.orientation_gain * signals.orientation_error + correction.angular_velocity
+        angular = rotate(heading, turning)
         angular[:, :2] -= rate[:, :2]
 
         scale = config.orientation_scale_m
@@ -131,6 +134,7 @@ class BatchedTeacher:
         near = np.clip(signals.force_error, -config.force_error_limit_n, config.force_error_limit_n)
         regulation = config.force_gain * near + config.force_integral_gain * memory.force_integral - signals.force
         load = np.clip(config.load_gain * signals.force_estimate, -config.load_limit_n, config.load_limit_n)
+        regulation += correction.force
         hand_force = on_force * regulation - (1.0 - on_force) * load + config.integral_gain * memory.position_integral
         force = rotate(heading, hand_force)
         torque = (

@@ -88,14 +88,14 @@ class ActorCritic(nn.Module):
         return self._through(self.critic_trunk, self.critic_heads, torch.cat([observation, privileged], dim=1), self._bfloat16)
 
     def log_probability(self, deviation: torch.Tensor, last: torch.Tensor, memory: float) -> torch.Tensor:
-        """(...,) of deviations (..., a) from the mean after those of the step before, `last` (..., a).
+        """(..., a) of deviations (..., a) from the mean after those of the step before, `last` (..., a), action by action.
 
         Deviations are a first-order autoregressive process with the standard deviation of `log_std`, whatever its `memory`
         (Korenkevych et al., IJCAI 2019).
         """
         spread = math.sqrt(1.0 - memory**2)
         scaled = (deviation - memory * last) * torch.exp(-self.log_std) / spread
-        return (-0.5 * scaled**2 - self.log_std - math.log(spread) - _LOG_SQRT_TWO_PI).sum(dim=-1)
+        return -0.5 * scaled**2 - self.log_std - math.log(spread) - _LOG_SQRT_TWO_PI
 
     def deviate(self, last: torch.Tensor, memory: float) -> torch.Tensor:
         """Random deviations (n, a) from the mean, after those of the step before."""

@@ -2,7 +2,8 @@
 
 Schulman et al. 2017 (clipped surrogate), Schulman et al. 2016 (generalised advantage estimation). Each head has its own
 discount; advantages are normalised per head, weighted, summed and normalised again, so no objective drowns another by scale
-(multi-critic). The critic has its own optimiser: it keeps its step size when the policy's shrinks to hold the KL target.
+(multi-critic). Parts of the body may weigh the objectives differently: each part's actions are judged by what they can change.
+The critic has its own optimiser: it keeps its step size when the policy's shrinks to hold the KL target.
 """
 
 from dataclasses import dataclass
@@ -22,13 +23,15 @@ class PpoConfig:
     horizon: steps per robot and iteration.
     epochs, minibatches: passes over them. Of a policy that is good already the gradient is small beside its noise, and Adam
         makes full steps of either: one large batch serves it better than several small ones.
-    discounts, head_weights: per value head.
+    discounts: per value head.
+    parts: number of actions of each part of the body that has weights of its own; empty for one part.
+    head_weights: of each part, per value head. What weighs little adds little noise to a part's gradient.
     trace: lambda of the advantage estimate.
     clip: of the probability ratio. value_clip: of the change of a value.
     actor_rate, critic_rate: step sizes; the actor's adapts within `actor_rate_range` to `target_kl`.
     entropy: weight of the exploration bonus.
-    mean_penalty: weight of the squared mean action; for a policy whose zero action is already good, so that it departs from
-        it only where that pays.
+    mean_penalty: of each part, weight of the squared mean action over its noise; for a policy whose zero action is already
+        good, so that it departs from it only where that pays.
     gradient_limit: norm at which the gradients of actor and critic are clipped, each.
     std_range: of the action noise.
     noise_memory: correlation of the noise of one step and the next. Noise that lasts moves a robot where white noise only
@@ -41,7 +44,8 @@ class PpoConfig:
     epochs: int = 4
     minibatches: int = 1
     discounts: tuple[float, ...] = (0.99, 0.97)
-    head_weights: tuple[float, ...] = (1.0, 1.5)
+    parts: tuple[int, ...] = ()
+    head_weights: tuple[tuple[float, ...], ...] = ((1.0, 1.5),)
     trace: float = 0.95
     clip: float = 0.2
     value_clip: float = 0.2
@@ -50,16 +54,24 @@ class PpoConfig:
     critic_rate: float = 1e-3
     target_kl: float = 0.012
     entropy: float = 0.0
-    mean_penalty: float = 0.0
+    mean_penalty: tuple[float, ...] = (0.0,)
     gradient_limit: float = 1.0
     std_range: tuple[float, float] = (0.01, 1.5)
     noise_memory: float = 0.0
     critic_only: int = 60
 
+    def __post_init__(self) -> None:
+        parts = max(1, len(self.parts))
+        if not len(self.head_weights) == len(self.mean_penalty) == parts:
+            raise ValueError(
+                f"{parts} parts need as many head_weights and mean_penalty, not {self.head_weights}, {self.mean_penalty}"
+            )
+
 
 @dataclass(frozen=True, slots=True)
 class Rollout:
-    """T steps of N robots. Shapes (T, N, ...), values (T + 1, N, heads), rewards (T, N, heads), dones (T, N);
+    """T steps of N robots. Shapes (T, N, ...), log_probabilities (T, N, parts), values (T + 1, N, heads),
+    rewards (T, N, heads), dones (T, N);
     `before` (N, actions) is how far the noise was from the mean before the first step."""
 
     observations: torch.Tensor
@@ -101,16 +113,16 @@ def advantages(rollout: Rollout, discounts: torch.Tensor, trace: float) -> torch
 
 
 def combined_advantage(per_head: torch.Tensor, weights: torch.Tensor) -> torch.Tensor:
-    """(B,) from (B, heads): normalise each head, weight, sum, scale to unit deviation."""
+    """(B, parts) from (B, heads) and weights (parts, heads): normalise each head, weight, sum, scale to unit deviation."""
     normalised = (per_head - per_head.mean(dim=0)) / (per_head.std(dim=0) + 1e-8)
-    total = (normalised * weights).sum(dim=1)
-    return total / (total.std() + 1e-8)
+    total = normalised @ weights.T
+    return total / (total.std(dim=0) + 1e-8)
 
 
 def policy_loss(log_ratio: torch.Tensor, advantage: torch.Tensor, clip: float) -> torch.Tensor:
-    """Clipped surrogate, to be minimised; `log_ratio` and `advantage` (B,)."""
+    """Clipped surrogate, to be minimised, summed over parts; `log_ratio` and `advantage` (..., parts)."""
     ratio = torch.exp(log_ratio)
-    return -torch.min(ratio * advantage, ratio.clamp(1.0 - clip, 1.0 + clip) * advantage).mean()
+    return -torch.min(ratio * advantage, ratio.clamp(1.0 - clip, 1.0 + clip) * advantage).sum(dim=-1).mean()
 
 
 def value_loss(values: torch.Tensor, old_values: torch.Tensor, returns: torch.Tensor, clip: float) -> torch.Tensor:
@@ -130,6 +142,7 @@ class Ppo:
         self.iteration = 0
         self._discounts = torch.tensor(config.discounts)
         self._weights = torch.tensor(config.head_weights)
+        self._penalty = torch.tensor(config.mean_penalty)
 
     def iterate(self, env: VectorEnv) -> PpoStatistics:
         """One rollout and the update on it."""
@@ -183,7 +196,7 @@ class Ppo:
         per_head = advantages(rollout, self._discounts, config.trace)
         all_values = rollout.values[:-1]
         all_returns = per_head + all_values
-        all_advantages = combined_advantage(per_head.flatten(0, 1), self._weights).view(per_head.shape[:2])
+        all_advantages = combined_advantage(per_head.flatten(0, 1), self._weights).unflatten(0, per_head.shape[:2])
         learn_policy = self.iteration >= config.critic_only
         near = True
 
@@ -205,11 +218,12 @@ class Ppo:
                 log_ratio = (log_probability - rollout.log_probabilities[:, robots]).clamp(-5.0, 5.0)
                 with torch.no_grad():
                     ratio = torch.exp(log_ratio)
-                    divergences.append(float((ratio - 1.0 - log_ratio).mean()))
+                    divergences.append(float((ratio - 1.0 - log_ratio).sum(dim=-1).mean()))
                     clipped.append(float(((ratio - 1.0).abs() > config.clip).float().mean()))
                 near = self._adapt_rate(divergences[-1])
                 loss = policy_loss(log_ratio, all_advantages[:, robots], config.clip)
-                regular = config.mean_penalty * mean.square().sum(dim=1).mean() - config.entropy * network.log_std.sum()
+                size = self._by_part((mean * torch.exp(-network.log_std.detach())).square()).mean(dim=0)
+                regular = size @ self._penalty - config.entropy * network.log_std.sum()
                 self._descend(self.actor_optimizer, network.actor_parameters(), loss + regular)
                 with torch.no_grad():
                     network.log_std.clamp_(*np.log(config.std_range).tolist())
@@ -240,8 +254,15 @@ class Ppo:
         self.actor_rate, self.iteration = state["actor_rate"], state["iteration"]
 
     def _log_probabilities(self, deviations: torch.Tensor, before: torch.Tensor) -> torch.Tensor:
-        """(T, N) of successive deviations (T, N, actions) that follow `before` (N, actions)."""
-        return self.network.log_probability(deviations, torch.cat([before[None], deviations[:-1]]), self.config.noise_memory)
+        """(T, N, parts) of successive deviations (T, N, actions) that follow `before` (N, actions)."""
+        last = torch.cat([before[None], deviations[:-1]])
+        of_actions = self.network.log_probability(deviations, last, self.config.noise_memory)
+        return self._by_part(of_actions)
+
+    def _by_part(self, of_actions: torch.Tensor) -> torch.Tensor:
+        """Sums (..., parts) of (..., actions)."""
+        parts = self.config.parts or (of_actions.shape[-1],)
+        return torch.stack([part.sum(dim=-1) for part in of_actions.split(parts, dim=-1)], dim=-1)
 
     def _adapt_rate(self, kl: float) -> bool:
         """Step size towards the KL target; False when this update has gone too far."""

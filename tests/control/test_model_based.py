@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from control.arm_control import ArmConfig, ArmControl
+from control.arm_control import NO_CORRECTION, ArmConfig, ArmControl, HandCorrection
 from control.command import DEFAULT_COMMAND, CommandLimits
 from control.controller import CONTROL_PERIOD_S, ControllerInput
 from control.frames import quaternion_from_rotation, rotation_heading_to_world, skew
@@ -68,13 +68,13 @@ def hand_command(tick, **changes):
     return replace(DEFAULT_COMMAND, position_m=position, orientation_wxyz=orientation, **changes)
 
 
-def arm_control(model):
-    return ArmControl(ArmConfig(), model.position_lower[ARM_SLICE], model.position_upper[ARM_SLICE], CommandLimits())
+def arm_control(model, config=None):
+    return ArmControl(config or ArmConfig(), model.position_lower[ARM_SLICE], model.position_upper[ARM_SLICE], CommandLimits())
 
 
-def arm_torque(tick, arm=None):
+def arm_torque(tick, arm=None, correction=NO_CORRECTION):
     arm = arm or arm_control(tick.model)
-    targets = arm.step(tick, rotation_heading_to_world(tick.base.rotation_base_to_world), arm.on_force(tick))
+    targets = arm.step(tick, rotation_heading_to_world(tick.base.rotation_base_to_world), arm.on_force(tick), correction)
     q, dq = tick.sensor.joint_position[ARM_SLICE], tick.sensor.joint_velocity[ARM_SLICE]
     return STIFFNESS[ARM_SLICE] * (targets - q) - DAMPING[ARM_SLICE] * dq
 
@@ -93,6 +93,21 @@ def test_a_commanded_force_is_fed_forward_through_the_jacobian(model):
     pressing = replace(tick, command=hand_command(tick, mask=np.ones(3), force_n=force), force_in_heading=force)
     jacobian = model.end_effector_jacobian[:3, model.joint_rows[ARM_SLICE]]
     assert np.allclose(arm_torque(pressing) - rest, -jacobian.T @ force, atol=1e-9)
+
+
+def test_a_correction_moves_position_axes_presses_force_axes_and_turns_the_hand(model):
+    tick = inputs(model)
+    mask = np.array([0.0, 0.0, 1.0])
+    tick = replace(tick, command=hand_command(tick, mask=mask))
+    velocity, force, turn = np.array([0.03, -0.02, 0.04]), np.array([5.0, 4.0, -3.0]), np.array([0.1, -0.05, 0.08])
+    config = replace(ArmConfig(), damping=1e-6)
+    plain, corrected = arm_control(model, config), arm_control(model, config)
+    added = arm_torque(tick, corrected, HandCorrection(velocity, force, turn)) - arm_torque(tick, plain)
+    rows = model.joint_rows[ARM_SLICE]
+    jacobian, inertia = model.end_effector_jacobian[:, rows], model.mass_matrix[np.ix_(rows, rows)]
+    added -= jacobian[:3].T @ (mask * force)
+    joint_velocity = np.linalg.solve(config.velocity_gain * inertia + np.diag(DAMPING[ARM_SLICE]), added)
+    assert np.allclose(jacobian @ joint_velocity, np.concatenate([(1.0 - mask) * velocity, turn]), atol=1e-6)
 
 
 def test_a_force_axis_pushes_harder_while_the_estimate_is_too_low(model):

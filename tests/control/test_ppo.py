@@ -1,5 +1,7 @@
 """Advantages, clipping and value loss per head against numbers computed by hand, and PPO and DAgger on toy problems."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -17,7 +19,7 @@ def rollout(rewards, values, dones) -> Rollout:
         observations=nothing,
         privileged=nothing,
         actions=nothing,
-        log_probabilities=nothing[..., 0],
+        log_probabilities=nothing,
         values=torch.tensor(values)[:, None],
         rewards=torch.tensor(rewards)[:, None],
         dones=torch.tensor(dones)[:, None],
@@ -49,10 +51,32 @@ def test_the_end_of_an_episode_cuts_both_bootstrap_and_trace():
 
 def test_combined_advantage_ignores_the_scale_of_a_head():
     per_head = torch.tensor([[1.0, -2.0], [-1.0, 0.0], [0.0, 2.0], [3.0, 1.0]])
-    weights = torch.tensor([1.0, 1.5])
+    weights = torch.tensor([[1.0, 1.5], [0.0, 1.0]])
     scaled = per_head * torch.tensor([1.0, 1000.0])
     assert torch.allclose(combined_advantage(per_head, weights), combined_advantage(scaled, weights), atol=1e-5)
-    assert combined_advantage(per_head, weights).std() == pytest.approx(1.0, abs=1e-5)
+    assert torch.allclose(combined_advantage(per_head, weights).std(dim=0), torch.ones(2), atol=1e-5)
+
+
+def test_a_part_follows_its_own_weights():
+    per_head = torch.tensor([[1.0, -2.0], [-1.0, 0.0], [0.0, 2.0], [3.0, 1.0]])
+    both = combined_advantage(per_head, torch.tensor([[1.0, 0.0], [0.0, 1.0]]))
+    assert torch.allclose(both, (per_head - per_head.mean(dim=0)) / per_head.std(dim=0), atol=1e-5)
+
+
+def test_parts_learn_from_the_heads_that_they_are_judged_by():
+    """Each head pays for one action; a part that is judged by the other's head alone learns nothing of use."""
+
+    def rewards(weights: tuple[tuple[float, ...], ...]) -> tuple[float, ...]:
+        env = Reaching(256)
+        config = PpoConfig(critic_only=2, actor_rate=3e-4, parts=(1, 1), head_weights=weights, mean_penalty=(0.0, 0.0))
+        learner = Ppo(network(), replace(config, horizon=4))
+        statistics = [learner.iterate(env) for _ in range(25)]
+        return statistics[-1].reward
+
+    own, swapped = rewards(((1.0, 0.0), (0.0, 1.0))), rewards(((0.0, 1.0), (1.0, 0.0)))
+    assert all(mine > 0.8 * other for mine, other in zip(own, swapped, strict=True))
+    with pytest.raises(ValueError, match="2 parts"):
+        PpoConfig(parts=(1, 1))
 
 
 @pytest.mark.parametrize(
@@ -66,7 +90,7 @@ def test_combined_advantage_ignores_the_scale_of_a_head():
     ],
 )
 def test_clipped_surrogate_by_hand(ratio: float, advantage: float, expected: float):
-    loss = policy_loss(torch.log(torch.tensor([ratio])), torch.tensor([advantage]), clip=0.2)
+    loss = policy_loss(torch.log(torch.tensor([[ratio]])), torch.tensor([[advantage]]), clip=0.2)
     assert loss.item() == pytest.approx(expected, rel=1e-5)
 
 
@@ -126,12 +150,12 @@ def test_ppo_improves_both_heads():
 def test_a_penalised_mean_stays_between_zero_and_what_pays():
     def mean_size(penalty: float) -> float:
         env, net = Reaching(256), network()
-        learner = Ppo(net, PpoConfig(horizon=4, critic_only=2, actor_rate=3e-4, mean_penalty=penalty))
+        learner = Ppo(net, PpoConfig(horizon=4, critic_only=2, actor_rate=3e-4, mean_penalty=(penalty,)))
         for _ in range(25):
             learner.iterate(env)
         return float(net.mean(torch.from_numpy(env.observation)).detach().square().mean())
 
-    free, penalised = mean_size(0.0), mean_size(3.0)
+    free, penalised = mean_size(0.0), mean_size(0.3)
     assert 0.0 < penalised < 0.5 * free
 
 
@@ -146,7 +170,7 @@ def test_noise_is_as_large_and_as_lasting_as_asked(memory: float):
     spread = np.sqrt(1.0 - memory**2)
     innovation = (noise[1:] - memory * noise[:-1]) / spread
     expected = -0.5 * innovation.square().sum(dim=-1) - 2.0 * np.log(0.3 * spread * np.sqrt(2.0 * np.pi))
-    assert torch.allclose(data.log_probabilities[1:], expected.float(), atol=1e-3)
+    assert torch.allclose(data.log_probabilities[1:, :, 0], expected.float(), atol=1e-3)
 
 
 class Drifting:
@@ -179,7 +203,7 @@ def test_gradient_under_noise_that_lasts_is_that_of_the_reward():
         gain = torch.zeros(1, requires_grad=True)
         deviations = data.actions - gain * place
         last = torch.cat([data.before[None], deviations[:-1]])
-        likelihood = net.log_probability(deviations, last, assumed)
+        likelihood = net.log_probability(deviations, last, assumed)[..., 0]
         (likelihood * (cost - cost.mean()))[1:].mean().backward()
         assert gain.grad is not None
         return gain.grad.item()

@@ -240,7 +240,8 @@ def test_training_corrects_the_arm_as_the_policy_does_on_the_robot(tmp_path: Pat
     save_policy(tmp_path, PolicyManifest("policy", RESIDUAL_FORM, interface(RESIDUAL_FORM), layers), arrays)
     controller, plain = PolicyController(*load_policy("policy", tmp_path), model), ModelBasedController(model)
     inputs = single_input(env, 0, model)
-    single = (controller.step(inputs) - plain.step(inputs)) / ActionScales().per_joint()
-    batched = env._correction(np.tile(action, (4, 1)))[0]
-    assert np.abs(single[ARM_SLICE]).max() > 0.1
+    single = (controller.step(inputs) - plain.step(inputs))[ARM_SLICE]
+    correction = ActionScales().hand_correction(np.tile(np.clip(action, -1.0, 1.0), (4, 1)))
+    batched = (env.teacher_action(correction) - env.teacher_action())[0, ARM_SLICE] * env.action_scale[ARM_SLICE]
+    assert np.abs(single).max() > 0.02
     assert np.allclose(single, batched, atol=1e-5)
