@@ -13,8 +13,8 @@ from sim.training_commands import FREE, LEAD, SLIDE, TOUCH, CommandSource
 from sim.training_robot import TIMESTEP_S, BatchedRobot
 
 HAND_INERTIA_KG = 0.5
-"""Least inertia that a force on the hand feels. Forces are renewed every 10 ms; taken implicitly for this mass, stiff springs
-stay stable, at the price of being a little softer than asked."""
+"""Least inertia that a force on the hand feels; arm postures have 0.4 kg across. Forces are renewed every 10 ms; taken implicitly
+for this mass, stiff springs stay stable, at the price of being softer than asked."""
 
 DRY_FRICTION_SPEED_MPS = 0.03
 """Below this speed dry friction gives way."""
@@ -70,6 +70,7 @@ class Surroundings:
         self._robot, self._source, self._ranges, self._random = robot, source, ranges, random
         count = robot.count
         self._stiffness, self._damping, self._viscous, self._dry, self._fence = _vectors(count, 5)
+        self._friction = np.zeros((count, 3), order="F")
         self._origin, self._start, self._glide, self._swing, self._disturbance, self._push = _vectors(count, 6)
         self._rotation = np.asfortranarray(np.tile(np.eye(3), (count, 1, 1)))
         self._glide_s, self._swing_rate, self._rides = np.ones(count), np.zeros(count), np.zeros(count, bool)
@@ -102,6 +103,7 @@ class Surroundings:
         stiffness[sliding, 2] = random.uniform(*ranges.stiff, len(sliding))
         self._stiffness[ids], self._damping[ids] = stiffness, damping
         self._viscous[ids], self._dry[ids], self._fence[ids] = viscous, dry, fence
+        self._friction[ids] = 0.0
 
         base, heading = robot.base_position[ids] * [1.0, 1.0, 0.0], robot.rotation_heading_to_world[ids]
         self._origin[ids], self._rotation[ids] = base, heading
@@ -154,9 +156,12 @@ class Surroundings:
         beyond = travel - np.clip(travel, -ranges.fence_m, ranges.fence_m)
         # Dry friction as a damper that weakens with speed.
         drag = self._viscous + self._dry / np.maximum(np.abs(velocity), DRY_FRICTION_SPEED_MPS)
-        force -= drag * velocity + self._fence * beyond
-        gain = self._damping + drag + TIMESTEP_S * (self._stiffness + self._fence * (beyond != 0.0))
+        force -= self._fence * beyond
+        gain = self._damping + TIMESTEP_S * (self._stiffness + self._fence * (beyond != 0.0))
         force /= 1.0 + TIMESTEP_S / HAND_INERTIA_KG * gain
+        # What drags is pushed on against its friction: taken implicitly about the last one, steady sliding meets all of it.
+        self._friction += (-drag * velocity - self._friction) / (1.0 + TIMESTEP_S / HAND_INERTIA_KG * drag)
+        force += self._friction
         push = (time >= self._push_from[:, None]) & (time < self._push_to[:, None])
         force += np.minimum(1.0, time / 0.5) * self._disturbance + push * self._push
         return rotate(rotation, np.clip(force, -ranges.limit_n, ranges.limit_n))

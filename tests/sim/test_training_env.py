@@ -18,7 +18,7 @@ from control.policy_weights import PolicyManifest, interface, load_policy, save_
 from control.robot_model import RobotModel
 from control.task_memory import TaskSignals
 from control.types import BaseState, Command, SensorFrame
-from sim.batch_rotations import quaternions_from_rotations, solve_positive
+from sim.batch_rotations import quaternions_from_rotations, rotate, rotate_back, solve_positive
 from sim.estimator_surrogate import LowPass, SurrogateParameters
 from sim.training_commands import SLIDE, CommandRanges
 from sim.training_env import SensorNoise, TrainingEnv, TrainingEnvConfig
@@ -186,6 +186,21 @@ def test_springs_start_relaxed_and_pull_back():
     # Taken implicitly over one step for the least inertia of the hand.
     softened = stiffness / (1.0 + TIMESTEP_S / HAND_INERTIA_KG * (damping + TIMESTEP_S * stiffness))
     assert np.allclose((pulled - start)[:, 2], -0.01 * softened, atol=1e-6)
+
+
+def test_steady_sliding_meets_the_whole_friction():
+    env = make_env(count=64)
+    rows = np.flatnonzero(env.source.kind == SLIDE)
+    axes = env.source.slide_axis[rows]
+    surroundings, robot = env.surroundings, env.robot
+    moving = np.zeros((64, 3))
+    moving[rows, axes] = 0.1
+    robot.hand_velocity = rotate(surroundings._rotation, moving)
+    for _ in range(60):
+        surroundings.force()
+    slid = rotate_back(surroundings._rotation, surroundings.force())[rows, axes]
+    expected = -0.1 * surroundings._viscous[rows, axes] - surroundings._dry[rows, axes]
+    assert np.allclose(slid, expected, rtol=1e-3, atol=1e-3)
 
 
 def test_what_is_dragged_travels_as_its_friction_says():
