@@ -13,7 +13,7 @@ from sim.training_commands import FREE, LEAD, SLIDE, TOUCH, CommandSource
 from sim.training_robot import TIMESTEP_S, BatchedRobot
 
 HAND_INERTIA_KG = 0.5
-"""Least inertia that a force on the hand feels; arm postures have 0.4 kg across. Forces are renewed every 10 ms; taken implicitly
+"""Least inertia that a force on the hand feels, 0.4 kg across. Forces are renewed every 10 ms; taken implicitly
 for this mass, stiff springs stay stable, at the price of being softer than asked."""
 
 DRY_FRICTION_SPEED_MPS = 0.03
