@@ -81,10 +81,10 @@ changes while it vanishes beside a force of 20 N.
 
 
 SIGMA_GROUPS = ("nominal_mass_scale",)
-"""What scales a network's standard deviation besides: a heavier robot has larger errors. The force must not depend on it, since
-the level of a mass tells robots apart. `sigma_drivers` adds how fast the force has changed."""
+"""What scales a network's standard deviation besides, by way of `sigma_drivers`. The force must not depend on it, since the level
+of a mass tells robots apart."""
 
-SIGMA_DRIVERS = sum(len(GROUPS[group].names) for group in SIGMA_GROUPS) + 1
+SIGMA_DRIVERS = 2
 """Number of drivers that `sigma_drivers` gives."""
 
 # Keeps the logarithm finite where nothing changes; small beside the slowest windows of the validation set, 0.3.
@@ -114,18 +114,20 @@ def increment_columns(groups: tuple[str, ...], increment_groups: tuple[str, ...]
 
 
 def sigma_drivers(windows: np.ndarray, increments: np.ndarray, mass_scale: np.ndarray) -> np.ndarray:
-    """What a network's standard deviation is scaled by: the mass, and how fast the force has changed.
+    """What a network's standard deviation is scaled by: how unlike arm and rest are, and how fast the force has changed.
 
-    The error that a network states is too large for slow forces and too small for fast ones.
+    Where the masses of arm and rest are off by unlike factors, so are those of their links, which two scales cannot tell. And
+    the error that a network states is too large for slow forces and too small for fast ones.
 
     Args:
         windows: (..., H, features) normalised.
         increments: (features,) of `increment_columns`.
-        mass_scale: (..., n) features of SIGMA_GROUPS at the newest step.
+        mass_scale: (..., 2) features of SIGMA_GROUPS at the newest step.
 
     Returns:
-        (..., SIGMA_DRIVERS): `mass_scale`, then the logarithm of the mean length of the window's H increments.
+        (..., SIGMA_DRIVERS): difference of the mass scales, then the logarithm of the mean length of the window's H increments.
     """
     lengths = np.sqrt((windows * windows) @ increments)
     change = lengths.sum(axis=-1, keepdims=True) / lengths.shape[-1]
-    return np.concatenate([mass_scale, np.log(_CHANGE_FLOOR + change)], axis=-1)
+    unlike = np.abs(mass_scale[..., :1] - mass_scale[..., 1:])
+    return np.concatenate([unlike, np.log(_CHANGE_FLOOR + change)], axis=-1)

@@ -27,7 +27,7 @@ def save(directory: Path, name: str, nominal: str | None, groups: tuple[str, ...
     random = np.random.default_rng(0)
     arrays = {key: scale * random.standard_normal(size) for key, size in parameter_shapes(shape).items()}
     arrays |= {"feature_mean": np.zeros(len(names)), "feature_std": np.full(len(names), 10.0)}
-    sigma, slopes = ((1.0, 1.0, 1.0), (0.5, 0.1, 0.3)) if gaussian else (None, ())
+    sigma, slopes = ((1.0, 1.0, 1.0), (0.5, 0.3)) if gaussian else (None, ())
     limit = (5.0, 5.0, 5.0)
     manifest = NetworkManifest(name, nominal, groups, (), names, shape, 0.02, 2.0, limit, 0.0, sigma, slopes)
     save_network(directory, manifest, arrays)
