@@ -81,7 +81,7 @@ changes while it vanishes beside a force of 20 N.
 
 
 SIGMA_GROUPS = ("nominal_mass_scale",)
-"""What scales a network's standard deviation besides, by way of `sigma_drivers`. The force must not depend on it, since the level
+"""What scales a network's standard deviation besides, by way of `sigma_drivers`. The force must not depend on it: the level
 of a mass tells robots apart."""
 
 SIGMA_DRIVERS = 2
