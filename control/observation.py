@@ -67,7 +67,8 @@ class ActionScales:
         limit: largest action.
         hand_velocity_mps, hand_force_n, hand_turn_rps: one unit of a residual policy's correction of the arm, of what is asked
             of the hand: the first on position axes, the second on force axes. What an error of the hand asks for depends on
-            neither posture nor inertia then, and turning the hand does not move it.
+            neither posture nor inertia then, and turning the hand does not move it. Little force: what training makes of
+            forces beyond that suits its own contacts, not real ones.
         correction_limit: largest part of a correction.
     """
 
@@ -76,7 +77,7 @@ class ActionScales:
     arm_rad: float = 0.5
     limit: float = 8.0
     hand_velocity_mps: float = 0.1
-    hand_force_n: float = 10.0
+    hand_force_n: float = 3.0
     hand_turn_rps: float = 1.0
     correction_limit: float = 1.0
 
