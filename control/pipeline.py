@@ -37,10 +37,10 @@ the references move or the controller runs."""
 class PipelineConfig:
     """Everything that shapes the pipeline, composed once by whoever starts it.
 
-    `policies` is the folder with the weights of learned controllers; None to run without them.
+    `policies` is the folder with the weights of learned controllers; None to run without them, on "model_based".
     """
 
-    controller: str = "model_based"
+    controller: str = "policy"
     estimator: str = "hybrid"
     policies: Path | None = WEIGHTS_DIRECTORY
     limits: CommandLimits = field(default_factory=CommandLimits)

@@ -19,7 +19,7 @@ def parser() -> argparse.ArgumentParser:
         "--token", default=os.environ.get("FORCELENS_TOKEN"), help="required of every request (default: FORCELENS_TOKEN)"
     )
     arguments.add_argument("--scene", default="free", help="scene to start in (default free)")
-    arguments.add_argument("--controller", default="model_based", help="controller to start with (default model_based)")
+    arguments.add_argument("--controller", default="policy", help="controller to start with (default policy)")
     arguments.add_argument("--estimator", default="hybrid", help="force estimator to start with (default hybrid)")
     arguments.add_argument("--seed", type=int, default=0, help="of the sensors' errors (default 0)")
     arguments.add_argument("--no-browser", action="store_true", help="do not open the page")

@@ -20,7 +20,7 @@ _BACKEND = {
         {"name": "hardware", "available": False, "reason": "the hardware backend needs cyclonedds 11.0.1: pip ..."},
     ],
 }
-_CONTROLLER = {"name": "model_based", "available": ["model_based"]}
+_CONTROLLER = {"name": "policy", "available": ["model_based", "policy", "policy_paper"]}
 _ESTIMATOR = {
     "name": "adaptive",
     "gains": None,

@@ -43,7 +43,7 @@ _STATE = {
     "backend": "simulation",
     "drive": None,
     "scene": "free",
-    "controller": "model_based",
+    "controller": "policy",
     "estimator": "adaptive",
     "command_sequence": 3,
     "command": _COMMAND,

@@ -15,6 +15,7 @@ from control.joints import ARM_SLICE, DAMPING, NOMINAL_POSITION, STIFFNESS
 from control.learning.actor_critic import HIDDEN, ActorCritic
 from control.model_based import ModelBasedController
 from control.observation import EXTENDED_FORM, PAPER_FORM, RESIDUAL_FORM, ActionScales, Observation
+from control.pipeline import PipelineConfig
 from control.policy import PolicyController, make_policies
 from control.policy_weights import (
     Actor,
@@ -142,6 +143,10 @@ def test_every_policy_is_offered_whatever_it_scored(tmp_path: Path, model: Robot
 def test_every_shipped_policy_fits_this_code():
     for name in available_policies(WEIGHTS_DIRECTORY):
         load_policy(name, WEIGHTS_DIRECTORY)
+
+
+def test_the_default_controller_scores_as_well_as_the_model_based_one():
+    assert load_policy(PipelineConfig().controller)[0].meets_score
 
 
 def test_the_first_observation_says_which_targets_hold_the_robot_now(tmp_path: Path, model: RobotModel):

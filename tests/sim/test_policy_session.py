@@ -51,7 +51,8 @@ def correct(directory: Path) -> None:
 
 
 def moving(policies: Path) -> Session:
-    session = Session(SessionConfig(seed=3, pipeline=PipelineConfig(policies=policies)))
+    pipeline = PipelineConfig(controller="model_based", policies=policies)
+    session = Session(SessionConfig(seed=3, pipeline=pipeline))
     torques(session, 500)
     return session
 
