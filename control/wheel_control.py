@@ -32,8 +32,8 @@ class WheelConfig:
     yaw_gain: float = 0.8
     yaw_integral_gain: float = 2.0
     yaw_integral_limit_rad: float = 0.8
-    effort_start: float = 0.95
-    effort_end: float = 1.1
+    effort_start: float = 0.9
+    effort_end: float = 1.0
     full_turn_support: float = 0.3
     relief_time_s: float = 0.5
     hold_gain: float = 2.0
