@@ -23,6 +23,7 @@ from control.momentum_observer import PAPER_GAINS
 from control.weights_file import WEIGHTS_DIRECTORY
 from sim.benchmarks import policy_guidance
 from sim.benchmarks.estimator import add_workers
+from sim.benchmarks.guidance_trials import LeadResult
 from sim.benchmarks.policy_trials import ControllerTrial, Errors, TrialSetup, controller_setups, random_commands
 from sim.benchmarks.report import Report, Row, argument_parser, at_most
 from sim.executors import map_unordered
@@ -187,7 +188,7 @@ def main() -> int:
         parser.error(f"no controller {', '.join(sorted(unknown))}; there are {', '.join(setups)}")
     report = Report("policy", arguments.seed)
     minutes = 0.1 if arguments.quick else arguments.minutes
-    guidance: dict[str, Row] = {}
+    guidance: dict[str, list[LeadResult]] = {}
     for name in arguments.controllers or setups:
         plan = pieces(setups[name], arguments.seed, minutes, arguments.quick)
         plan = [piece for piece in plan if piece.case in arguments.cases]
@@ -204,12 +205,12 @@ def main() -> int:
         if pushed is not None:
             report.bars.append(at_most(f"{name}: falls with pushes", pushed.falls, 1, "1"))
         if policy_guidance.CASE in arguments.cases:
-            leads = policy_guidance.guide(setups[name], arguments.seed, arguments.quick, arguments.workers)
-            guidance[name] = policy_guidance.guidance_row(name, leads)
-            report.rows.append(guidance[name])
-            report.progress(f"{name}, guidance: led with at most {guidance[name]['largest_force_n']:.1f} N")
+            guidance[name] = policy_guidance.guide(setups[name], arguments.seed, arguments.quick, arguments.workers)
+            row = policy_guidance.guidance_row(name, guidance[name])
+            report.rows.append(row)
+            report.progress(f"{name}, guidance: led with at most {row['largest_force_n']:.1f} N")
             if "model_based" in guidance and name != "model_based":
-                report.bars += policy_guidance.guidance_bars(guidance[name], guidance["model_based"])
+                report.bars += policy_guidance.guidance_bars(name, guidance[name], guidance["model_based"])
     report.finish(arguments.json)
     if arguments.plot is not None:
         plot(arguments.plot, report.rows)

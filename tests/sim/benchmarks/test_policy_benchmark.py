@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from sim.benchmarks.box_drag import summary as box_summary
+from sim.benchmarks.guidance_trials import LeadResult
 from sim.benchmarks.policy import LEVELS_N, Piece, cases, mask_rows, pieces, play, summary
+from sim.benchmarks.policy_guidance import guidance_bars
 from sim.benchmarks.policy_trials import DragResult, Errors, TrialSetup, controller_setups
 
 
@@ -50,6 +52,17 @@ def test_a_piece_with_pushes_counts_them_and_judges_by_truth():
 
 def test_the_model_based_controller_is_always_there(tmp_path):
     assert list(controller_setups(tmp_path)) == ["model_based"]
+
+
+def test_a_controller_is_as_light_to_lead_unless_it_is_heavier_than_leads_differ():
+    def leads(*forces: float) -> list[LeadResult]:
+        return [LeadResult(0.5, 0.4, force, 0.1, 0.3, False) for force in forces]
+
+    reference = leads(8.0, 9.0, 13.0, 9.0)
+    (alike,) = guidance_bars("policy", leads(8.5, 8.5, 13.5, 9.0), reference)
+    (heavy,) = guidance_bars("policy", leads(8.5, 9.4, 13.5, 9.6), reference)
+    assert alike.value == pytest.approx(0.125) and alike.limit == pytest.approx(0.5 * np.std([0.5, -0.5, 0.5, 0.0], ddof=1))
+    assert (alike.holds, heavy.holds) == (True, False)
 
 
 def test_box_rows_tell_lost_contact():
