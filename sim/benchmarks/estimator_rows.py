@@ -78,10 +78,13 @@ def cell_bars(cell: Cell, rows: Sequence[Row]) -> list[Bar]:
         return []
     numbers = {row["estimator"]: {key: x for key, x in row.items() if isinstance(x, float)} for row in rows}
     hybrid = numbers["hybrid"]
+    covered = hybrid["coverage_2sigma"]
     limit = HYBRID_PER_LINK_BAR_N if cell.per_link else HYBRID_BARS_N[cell.profile]
     bars = [
         at_most(f"hybrid vector RMSE, {cell}", hybrid["rmse_vector_n"], limit, "N"),
         at_most(f"hybrid over the same without learning, {cell}", hybrid["ratio_to_original"], 1.0, "1"),
+        at_least(f"hybrid errors within 2 sigma, at least, {cell}", covered, COVERAGE_RANGE[0], "1"),
+        at_most(f"hybrid errors within 2 sigma, at most, {cell}", covered, COVERAGE_RANGE[1], "1"),
     ]
     if cell.mass_scale != 1.0:
         share = numbers["hybrid_paper"]["ratio_to_gmo_cqp"]
@@ -92,7 +95,7 @@ def cell_bars(cell: Cell, rows: Sequence[Row]) -> list[Bar]:
 def coverage_bars(trials: Sequence[Trial]) -> list[Bar]:
     """Whether sigma says how large the errors of `hybrid` are, over a whole run; nothing without scores.
 
-    One cell of ten robots is known to about two points only (`coverage_2sigma_se`), too little to be judged by itself.
+    A cell of ten robots is known to one or two points only (`coverage_2sigma_se`): the whole run tells more.
     """
     covered = coverage([trial.scores["hybrid"] for trial in trials if "hybrid" in trial.scores], 2.0)
     if covered is None:

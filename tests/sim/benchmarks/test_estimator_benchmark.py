@@ -48,20 +48,21 @@ def test_a_rollout_that_was_given_up_counts_as_rejected_only() -> None:
     assert cell_rows(CELL, [trial(("fall",) * ATTEMPTS)]) == []
 
 
-def test_bars_say_when_learning_harms() -> None:
-    def row(name: str, rmse: float, ratio: float) -> dict[str, str | int | float | bool | None]:
+def test_bars_say_when_learning_harms_and_when_sigma_is_wrong() -> None:
+    def row(name: str, rmse: float, covered: float, ratio: float) -> dict[str, str | int | float | bool | None]:
         return {
             "estimator": name,
             "rmse_vector_n": rmse,
+            "coverage_2sigma": covered,
             "ratio_to_original": ratio,
             "ratio_to_gmo_cqp": ratio,
         }
 
-    bars = cell_bars(CELL, [row("hybrid", 0.7, 1.1), row("hybrid_paper", 3.0, 0.4)])
+    bars = cell_bars(CELL, [row("hybrid", 0.7, 0.99, 1.1), row("hybrid_paper", 3.0, 0.0, 0.4)])
     held = [bar.holds for bar in bars]
-    assert held == [True, False, True]
+    assert held == [True, False, True, False, True]
     assert cell_bars(CELL, []) == []
-    per_link = cell_bars(Cell("sine", 1.0, per_link=True), [row("hybrid", 1.1, 1.0)])
+    per_link = cell_bars(Cell("sine", 1.0, per_link=True), [row("hybrid", 1.1, 0.95, 1.0)])
     assert per_link[0].limit == 1.2 and all(bar.holds for bar in per_link)
 
 

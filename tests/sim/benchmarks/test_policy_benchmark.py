@@ -54,15 +54,15 @@ def test_the_model_based_controller_is_always_there(tmp_path):
     assert list(controller_setups(tmp_path)) == ["model_based"]
 
 
-def test_a_controller_is_as_light_to_lead_unless_it_is_heavier_than_leads_differ():
+def test_a_controller_that_is_heavier_to_lead_on_average_misses_the_bar():
     def leads(*forces: float) -> list[LeadResult]:
         return [LeadResult(0.5, 0.4, force, 0.1, 0.3, False) for force in forces]
 
     reference = leads(8.0, 9.0, 13.0, 9.0)
-    (alike,) = guidance_bars("policy", leads(8.5, 8.5, 13.5, 9.0), reference)
-    (heavy,) = guidance_bars("policy", leads(8.5, 9.4, 13.5, 9.6), reference)
-    assert alike.value == pytest.approx(0.125) and alike.limit == pytest.approx(0.5 * np.std([0.5, -0.5, 0.5, 0.0], ddof=1))
-    assert (alike.holds, heavy.holds) == (True, False)
+    (light,) = guidance_bars("policy", leads(8.5, 8.5, 12.5, 9.0), reference)
+    (heavy,) = guidance_bars("policy", leads(8.5, 8.5, 13.5, 9.0), reference)
+    assert (light.value, heavy.value) == (pytest.approx(-0.125), pytest.approx(0.125))
+    assert (light.holds, heavy.holds) == (True, False)
 
 
 def test_box_rows_tell_lost_contact():
