@@ -14,6 +14,7 @@ from control.command import CommandLimits
 from control.controller import CONTROL_PERIOD_S, ControllerInput
 from control.frames import rotation_error, rotation_from_quaternion
 from control.joints import ARM_SLICE, DAMPING, STIFFNESS, TORQUE_LIMIT
+from control.reference_correction import NO_CORRECTION, ReferenceCorrection
 from control.rolling_contact import rolling_velocity
 
 
@@ -70,24 +71,6 @@ class ArmConfig:
     limit_margin_rad: float = 0.1
 
 
-@dataclass(frozen=True, slots=True)
-class HandCorrection:
-    """What a residual policy adds to the references of the hand, in heading; arrays have the batch shape in front.
-
-    Attributes:
-        velocity: (..., 3) m/s, counts on position axes.
-        force: (..., 3) N that the hand exerts, counts on force axes.
-        angular_velocity: (..., 3) rad/s.
-    """
-
-    velocity: np.ndarray
-    force: np.ndarray
-    angular_velocity: np.ndarray
-
-
-NO_CORRECTION = HandCorrection(np.zeros(3), np.zeros(3), np.zeros(3))
-
-
 class ArmControl:
     """Arm targets from the hand's references. Integrates the error of each axis while the axis keeps its mode."""
 
@@ -110,7 +93,7 @@ class ArmControl:
         inputs: ControllerInput,
         rotation_heading_to_world: np.ndarray,
         on_force: np.ndarray,
-        correction: HandCorrection = NO_CORRECTION,
+        correction: ReferenceCorrection = NO_CORRECTION,
     ) -> np.ndarray:
         """Position targets (6,), rad, that carry the torque of the law above; `on_force` (3,) is that of this tick."""
         config, model = self.config, inputs.model
@@ -124,7 +107,7 @@ class ArmControl:
         joint_velocity[(q > self._upper) & (joint_velocity > 0.0)] = 0.0
         joint_velocity[(q < self._lower) & (joint_velocity < 0.0)] = 0.0
 
-        force = heading @ (self._hand_force(inputs, on_force) + on_force * correction.force)
+        force = heading @ (self._hand_force(inputs, on_force) + on_force * correction.hand_force)
         inertia = model.mass_matrix[np.ix_(rows, rows)]
         torque = (
             model.gravity[rows]
@@ -149,7 +132,7 @@ class ArmControl:
         heading: np.ndarray,
         arm_twist: np.ndarray,
         on_force: np.ndarray,
-        correction: HandCorrection,
+        correction: ReferenceCorrection,
     ) -> np.ndarray:
         """Hand twist (6,), world-aligned, that the arm should add to the base's motion."""
         config, model, command, base = self.config, inputs.model, inputs.command, inputs.base
@@ -177,14 +160,14 @@ class ArmControl:
         # Where nothing is met, the search ends at the border of the workspace.
         to_lower, to_upper = self._workspace - position
         approach = np.clip(approach, config.position_gain * to_lower, config.position_gain * to_upper)
-        motion = on_position * (tracking + correction.velocity) + command.mask * approach
+        motion = on_position * (tracking + correction.hand_velocity) + command.mask * approach
         yielding = config.force_velocity_feedback * (heading.T @ arm_twist[:3])
         linear = heading @ ((1.0 - on_force) * motion + on_force * yielding)
 
         target = heading @ rotation_from_quaternion(command.orientation_wxyz)
         angular = config.orientation_gain * rotation_error(target, model.end_effector_rotation)
         angular[:2] -= rate[:2]
-        return np.concatenate([linear, angular + heading @ correction.angular_velocity])
+        return np.concatenate([linear, angular + heading @ correction.hand_angular_velocity])
 
     def _resolve(self, jacobian: np.ndarray, twist: np.ndarray) -> np.ndarray:
         """Damped least-squares joint velocity (6,) of a hand twist (6,)."""

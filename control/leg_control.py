@@ -17,6 +17,7 @@ from control.robot_model import GRAVITY_MPS2
 from control.rolling_contact import rolling_velocity
 from control.stance import Stance
 
+_IDENTITY = np.eye(3)
 _LEFT_MINUS_RIGHT = np.array([1.0, -1.0, 1.0, -1.0])
 
 
@@ -130,8 +131,12 @@ class LegControl:
         wrench[3] += config.tilt_stiffness * up[1] - config.tilt_damping * rate[0]
         wrench[4] += -config.tilt_stiffness * up[0] - config.tilt_damping * rate[1]
 
-        grasp = np.empty((6, 12))
-        grasp[:3] = np.tile(np.eye(3), 4)
-        for wheel, contact in enumerate(model.wheel_contact_positions):
-            grasp[3:, 3 * wheel : 3 * wheel + 3] = skew(contact - center)
-        return (grasp.T @ np.linalg.solve(grasp @ grasp.T, wrench)).reshape(4, 3)
+        # f = G^T (G G^T)^-1 w with the grasp matrix G = [1 ...; skew(r_i) ...], its products written out.
+        arms = model.wheel_contact_positions - center
+        normal = np.empty((6, 6))
+        normal[:3, :3] = len(arms) * _IDENTITY
+        normal[3:, :3] = skew(arms.sum(axis=0))
+        normal[:3, 3:] = normal[3:, :3].T
+        normal[3:, 3:] = np.vdot(arms, arms) * _IDENTITY - arms.T @ arms
+        multipliers = np.linalg.solve(normal, wrench)
+        return multipliers[:3] + arms @ skew(multipliers[3:]).T

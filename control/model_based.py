@@ -8,12 +8,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from control.arm_control import NO_CORRECTION, ArmConfig, ArmControl, HandCorrection
+from control.arm_control import ArmConfig, ArmControl
 from control.command import CommandLimits
 from control.controller import ControllerInput
 from control.frames import rotation_heading_to_world
 from control.joints import ARM_SLICE, JOINT_COUNT, LEG_SLICE, WHEEL_SLICE
 from control.leg_control import LegConfig, LegControl
+from control.reference_correction import NO_CORRECTION, ReferenceCorrection
 from control.robot_model import RobotModel
 from control.stance import Stance, StanceConfig
 from control.wheel_control import WheelConfig, WheelControl
@@ -46,8 +47,8 @@ class ModelBasedController:
         self._legs.reset()
         self._wheels.reset()
 
-    def step(self, inputs: ControllerInput, correction: HandCorrection = NO_CORRECTION) -> np.ndarray:
-        """Joint targets (22,), see `Controller.step`; a residual policy may correct the references of the hand."""
+    def step(self, inputs: ControllerInput, correction: ReferenceCorrection = NO_CORRECTION) -> np.ndarray:
+        """Joint targets (22,), see `Controller.step`; a residual policy may correct the references."""
         heading = rotation_heading_to_world(inputs.base.rotation_base_to_world)
         on_force = self._arm.on_force(inputs)
         hand_force = on_force * inputs.command.force_n + (1.0 - on_force) * inputs.force_in_heading
@@ -56,6 +57,7 @@ class ModelBasedController:
 
         targets = np.empty(JOINT_COUNT)
         targets[LEG_SLICE] = legs.position
-        targets[WHEEL_SLICE] = self._wheels.step(inputs, lateral, legs, float(self._stance.shift_velocity[0]))
+        shift = float(self._stance.shift_velocity[0])
+        targets[WHEEL_SLICE] = self._wheels.step(inputs, lateral, legs, shift, correction)
         targets[ARM_SLICE] = self._arm.step(inputs, heading, on_force, correction)
         return targets

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from control.arm_control import HandCorrection
 from control.controller import CONTROL_PERIOD_S, ControllerInput
 from control.frames import rotation_error, rotation_from_quaternion, rotation_heading_to_world
 from control.joints import ARM_SLICE, JOINT_COUNT, LEG_SLICE, NOMINAL_BASE_HEIGHT_M, NOMINAL_POSITION, WHEEL_SLICE
+from control.reference_correction import ReferenceCorrection
 from control.rolling_contact import rolling_velocity
 from control.task_memory import TaskMemory, TaskSignals
 
@@ -50,7 +50,8 @@ class ObservationScales:
     force_error: float = 0.5
     base_height: float = 10.0
     base_linear_velocity: float = 2.0
-    yaw_integral: float = 2.0
+    velocity_error: tuple[float, float] = (15.0, 5.0)
+    yaw_integral: float = 4.0
     wheel_hold: float = 2.0
     steering_traction: float = 0.02
     limit: float = 8.0
@@ -69,6 +70,9 @@ class ActionScales:
             of the hand: the first on position axes, the second on force axes. What an error of the hand asks for depends on
             neither posture nor inertia then, and turning the hand does not move it. Little force: what training makes of
             forces beyond that suits its own contacts, not real ones.
+        base_forward_mps, base_turn_rps: one unit of its first two wheel actions, which correct what is asked of the base: with
+            an action for each wheel, noise would hardly ever turn the robot.
+        wheel_modes: what its other two move by wheel_rps, of the wheels FL, FR, RL, RR: front against rear, and the diagonals.
         correction_limit: largest part of a correction.
     """
 
@@ -79,17 +83,32 @@ class ActionScales:
     hand_velocity_mps: float = 0.1
     hand_force_n: float = 3.0
     hand_turn_rps: float = 1.0
+    base_forward_mps: float = 0.2
+    base_turn_rps: float = 1.0
+    wheel_modes: tuple[tuple[float, ...], ...] = ((1.0, 1.0, -1.0, -1.0), (-1.0, 1.0, 1.0, -1.0))
     correction_limit: float = 1.0
 
     def per_joint(self) -> np.ndarray:
         """(22,) scale of each joint."""
         return np.array([self.leg_rad] * 12 + [self.wheel_rps] * 4 + [self.arm_rad] * 6)
 
-    def hand_correction(self, action: np.ndarray) -> HandCorrection:
-        """What the action (..., 22) of a residual policy asks of the hand."""
-        arm = action[..., ARM_SLICE]
+    def joint_correction(self, action: np.ndarray) -> np.ndarray:
+        """What the action (..., 22) of a residual policy adds to the model-based action (..., 22), of legs and wheels."""
+        added = action.copy()
+        added[..., WHEEL_SLICE] = action[..., WHEEL_SLICE][..., 2:] @ np.array(self.wheel_modes)
+        added[..., ARM_SLICE] = 0.0
+        return added
+
+    def reference_correction(self, action: np.ndarray) -> ReferenceCorrection:
+        """What the action (..., 22) of a residual policy adds to what is asked of hand and base."""
+        arm, base = action[..., ARM_SLICE], action[..., WHEEL_SLICE][..., :2]
         linear, angular = arm[..., :3], arm[..., 3:]
-        return HandCorrection(self.hand_velocity_mps * linear, self.hand_force_n * linear, self.hand_turn_rps * angular)
+        return ReferenceCorrection(
+            hand_velocity=self.hand_velocity_mps * linear,
+            hand_force=self.hand_force_n * linear,
+            hand_angular_velocity=self.hand_turn_rps * angular,
+            base_velocity=np.array([self.base_forward_mps, self.base_turn_rps]) * base,
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,6 +148,7 @@ _EXTENSION: dict[str, tuple[int, _Part]] = {
     "force_integral": (3, lambda s, k: k.force_integral * s.memory.force_integral),
     "base_height": (1, lambda s, k: k.base_height * (s.signals.base_height - NOMINAL_BASE_HEIGHT_M)),
     "base_linear_velocity": (3, lambda s, k: k.base_linear_velocity * s.signals.base_linear_velocity),
+    "velocity_error": (2, lambda s, k: np.array(k.velocity_error) * s.signals.velocity_error),
     "yaw_integral": (1, lambda s, k: k.yaw_integral * s.memory.yaw_integral),
     "wheel_hold": (4, lambda s, k: k.wheel_hold * s.memory.wheel_hold),
     "steering_traction": (1, lambda s, k: k.steering_traction * s.memory.steering_traction),

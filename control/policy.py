@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from control.controller import Controller, ControllerInput
-from control.joints import ARM_SLICE, DAMPING, NOMINAL_POSITION, STIFFNESS, WHEEL_SLICE
+from control.joints import DAMPING, NOMINAL_POSITION, STIFFNESS, WHEEL_SLICE
 from control.model_based import ModelBasedController
 from control.observation import RESIDUAL_FORM, ActionScales, Observation, advance_phase, task_signals
 from control.policy_weights import Actor, PolicyManifest, available_policies, load_policy
@@ -64,9 +64,8 @@ class PolicyController:
         action = self._actor(self.observation).astype(float)
         if self._corrected is not None:
             added = np.clip(action, -self._scales.correction_limit, self._scales.correction_limit)
-            targets = self._corrected.step(inputs, self._scales.hand_correction(added))
-            added[ARM_SLICE] = 0.0
-            action = (targets - self._nominal) / self._scale + added
+            targets = self._corrected.step(inputs, self._scales.reference_correction(added))
+            action = (targets - self._nominal) / self._scale + self._scales.joint_correction(added)
         self.action = np.clip(action, -self._limit, self._limit)
         self._phase = advance_phase(self._phase)
         return self._nominal + self._scale * self.action

@@ -157,4 +157,4 @@ def available_policies(directory: Path = WEIGHTS_DIRECTORY) -> tuple[str, ...]:
 
 
 def _plain(values: dict[str, Any]) -> dict[str, Any]:
-    return {name: list(value) if isinstance(value, tuple) else value for name, value in values.items()}
+    return json.loads(json.dumps(values))

@@ -70,6 +70,12 @@ class TaskSignals:
     base_velocity: np.ndarray
 
     @property
+    def velocity_error(self) -> np.ndarray:
+        """(..., 2) forward m/s and yaw rad/s, command minus measurement."""
+        forward = self.base_velocity[..., :1] - self.base_linear_velocity[..., :1]
+        return np.concatenate([forward, self.base_velocity[..., 2:] - self.yaw_rate], axis=-1)
+
+    @property
     def position_error(self) -> np.ndarray:
         """(..., 3) m, reference minus hand, zero on force axes."""
         return (1.0 - self.mask) * (self.position - self.hand_position)

@@ -7,6 +7,7 @@ import numpy as np
 from control.controller import CONTROL_PERIOD_S, ControllerInput
 from control.joints import DAMPING, TORQUE_LIMIT, WHEEL_RADIUS_M, WHEEL_SLICE
 from control.leg_control import LegTargets
+from control.reference_correction import NO_CORRECTION, ReferenceCorrection
 
 HIPS_AND_THIGHS = np.array([0, 1, 3, 4, 6, 7, 9, 10])
 
@@ -57,7 +58,14 @@ class WheelControl:
         self._relief = 1.0
         self._held: np.ndarray | None = None
 
-    def step(self, inputs: ControllerInput, lateral_m: np.ndarray, legs: LegTargets, shift_mps: float) -> np.ndarray:
+    def step(
+        self,
+        inputs: ControllerInput,
+        lateral_m: np.ndarray,
+        legs: LegTargets,
+        shift_mps: float,
+        correction: ReferenceCorrection = NO_CORRECTION,
+    ) -> np.ndarray:
         """Wheel velocity targets (4,), rad/s.
 
         Args:
@@ -65,6 +73,7 @@ class WheelControl:
             lateral_m: (4,) distance of each contact to the left of the base.
             legs: balance of this tick; its wheel torque is fed forward through the drive's damping gain.
             shift_mps: speed at which the stance moves the wheels ahead under the trunk.
+            correction: of the base velocity; its turn is given up with the rest.
         """
         config = self.config
         forward, _, yaw = inputs.command.base_velocity
@@ -88,9 +97,9 @@ class WheelControl:
         else:
             self._yaw_integral = float(np.clip(self._yaw_integral + error * CONTROL_PERIOD_S, -limit, limit))
         turn = self._relieve(inputs, legs.support) * (
-            yaw + config.yaw_gain * error + config.yaw_integral_gain * self._yaw_integral
+            yaw + config.yaw_gain * error + config.yaw_integral_gain * self._yaw_integral + correction.base_velocity[1]
         )
-        rolling = shift + (forward - turn * lateral_m) / WHEEL_RADIUS_M
+        rolling = shift + (forward + correction.base_velocity[0] - turn * lateral_m) / WHEEL_RADIUS_M
         drag = self._joint_damping * rolling + self._joint_friction * np.tanh(rolling)
         return rolling + feed_forward + drag / DAMPING[WHEEL_SLICE]
 

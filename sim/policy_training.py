@@ -64,7 +64,7 @@ class PolicyTrainingConfig:
     verification_seed: int = 7500
     warm_std: float = 0.1
     scratch_std: float = 0.6
-    residual_std: tuple[float, ...] = (0.03,) * 12 + (0.02,) * 4 + (0.1,) * 6
+    residual_std: tuple[float, ...] = (0.03,) * 12 + (0.1, 0.3, 0.03, 0.03) + (0.1,) * 6
     correction_penalty: tuple[float, ...] = (0.006, 0.001)
     noise_memory: float = 0.6
     correction_parts: tuple[int, ...] = (16, 6)

@@ -9,11 +9,12 @@ from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 
-from control.arm_control import NO_CORRECTION, ArmConfig, HandCorrection
+from control.arm_control import ArmConfig
 from control.command import CommandLimits
 from control.controller import CONTROL_PERIOD_S
-from control.joints import ARM_SLICE, JOINT_COUNT, NOMINAL_BASE_HEIGHT_M, NOMINAL_POSITION, WHEEL_SLICE
+from control.joints import JOINT_COUNT, NOMINAL_BASE_HEIGHT_M, NOMINAL_POSITION, WHEEL_SLICE
 from control.observation import EXTENDED_FORM, RESIDUAL_FORM, ActionScales, Observation, advance_phase
+from control.reference_correction import NO_CORRECTION, ReferenceCorrection
 from control.task_memory import TaskMemory, TaskMemoryConfig, TaskSignals
 from sim.batch_rotations import (
     products,
@@ -23,7 +24,7 @@ from sim.batch_rotations import (
     rotations_from_quaternions,
 )
 from sim.estimator_surrogate import EstimatorSurrogate, SurrogateParameters, fitted_surrogate
-from sim.training_commands import SLIDE, CommandRanges, CommandSource
+from sim.training_commands import LEAD, SLIDE, CommandRanges, CommandSource
 from sim.training_references import BatchedReferences
 from sim.training_rewards import RewardInput, RewardScales, rewards
 from sim.training_robot import SUBSTEPS, BatchedRobot, Randomization
@@ -131,8 +132,8 @@ class TrainingEnv:
         """Length of an observation."""
         return self.form.size
 
-    def teacher_action(self, correction: HandCorrection = NO_CORRECTION) -> np.ndarray:
-        """Action (n, 22) of the teacher at the current observation, its hand's references corrected; call once per step."""
+    def teacher_action(self, correction: ReferenceCorrection = NO_CORRECTION) -> np.ndarray:
+        """Action (n, 22) of the teacher at the current observation, its references corrected; call once per step."""
         targets = self.teacher.targets(self.signals, self.memory, correction)
         return np.clip((targets - self._nominal) / self.action_scale, -self._action_limit, self._action_limit)
 
@@ -142,8 +143,7 @@ class TrainingEnv:
         action = action.astype(float, order="F")
         if self._corrects:
             added = np.clip(action, -self._scales.correction_limit, self._scales.correction_limit)
-            action = self.teacher_action(self._scales.hand_correction(added))
-            action[:, : ARM_SLICE.start] += added[:, : ARM_SLICE.start]
+            action = self.teacher_action(self._scales.reference_correction(added)) + self._scales.joint_correction(added)
         action = np.clip(action, -self._action_limit, self._action_limit)
         robot.set_targets(self._nominal + self.action_scale * action)
         mean_force = np.zeros_like(self._hand_force)
@@ -298,6 +298,7 @@ class TrainingEnv:
             orientation_error=rotation_errors(target, robot.hand_rotation),
             drags=self.source.kind == SLIDE,
             force_error=references.mask * (self._hand_force - references.force),
+            lead_force=(self.source.kind == LEAD) * np.linalg.norm(self._hand_force, axis=1),
             joint_position=robot.joint_position,
             joint_velocity=robot.joint_velocity,
             joint_torque=robot.joint_torque,

@@ -15,6 +15,7 @@ class RewardScales:
     Attributes:
         velocity, velocity_width, velocity_fine, velocity_fine_width: exp(-(error / 1 m/s)^2 / width).
         yaw, yaw_width, yaw_fine, yaw_fine_width: the same of the yaw rate.
+        lead: penalty per N of the force that a leading person has to exert: the base follows too slowly.
         position, position_m, orientation_rad: exp(-|error|_1 / position_m - |e_R|_1 / orientation_rad), the paper's r_pos.
         position_fine, position_fine_m: exp(-|error|_1 / position_fine_m).
         orientation_fine, orientation_fine_rad: exp(-|e_R|_1 / orientation_fine_rad); not while dragging, where what is held
@@ -33,7 +34,8 @@ class RewardScales:
     yaw: float = 0.4
     yaw_width: float = 0.1
     yaw_fine: float = 1.0
-    yaw_fine_width: float = 0.004
+    yaw_fine_width: float = 0.02
+    lead: float = 0.3
     position: float = 1.0
     position_m: float = 0.15
     orientation_rad: float = 1.5
@@ -67,7 +69,7 @@ class RewardInput:
     Attributes:
         velocity_error: (n, 2) m/s. yaw_error, heave, height: (n,). rocking, gravity_xy: (n, 2), in base.
         position_error: (n, 3) m, zero on force axes. orientation_error: (n, 3) rad. drags: (n,) bool.
-        force_error: (n, 3) N, zero on position axes.
+        force_error: (n, 3) N, zero on position axes. lead_force: (n,) N, size of a leading person's force, zero without one.
         joint_position, joint_velocity, joint_torque, action_change: (n, 22). fallen: (n,) bool.
     """
 
@@ -81,6 +83,7 @@ class RewardInput:
     orientation_error: np.ndarray
     drags: np.ndarray
     force_error: np.ndarray
+    lead_force: np.ndarray
     joint_position: np.ndarray
     joint_velocity: np.ndarray
     joint_torque: np.ndarray
@@ -98,6 +101,7 @@ def rewards(scales: RewardScales, state: RewardInput) -> np.ndarray:
         + k.velocity_fine * np.exp(-velocity / k.velocity_fine_width)
         + k.yaw * np.exp(-yaw / k.yaw_width)
         + k.yaw_fine * np.exp(-yaw / k.yaw_fine_width)
+        - k.lead * state.lead_force
         - k.heave * state.heave**2
         - k.rocking * _square(state.rocking)
         - k.tilt * _square(state.gravity_xy)

@@ -7,7 +7,7 @@ nominal ones, as they are for the controller.
 import mujoco
 import numpy as np
 
-from control.arm_control import NO_CORRECTION, ArmConfig, HandCorrection
+from control.arm_control import ArmConfig
 from control.command import CommandLimits
 from control.controller import CONTROL_PERIOD_S
 from control.joints import (
@@ -23,6 +23,7 @@ from control.joints import (
     WHEEL_SLICE,
 )
 from control.leg_control import LegConfig
+from control.reference_correction import NO_CORRECTION, ReferenceCorrection
 from control.robot_model import GRAVITY_MPS2, RobotModel
 from control.stance import Stance, StanceConfig
 from control.task_memory import TaskMemory, TaskSignals
@@ -83,17 +84,17 @@ class BatchedTeacher:
         self._shift[ids] = 0.0
         self._held_shift[ids] = 0.0
 
-    def targets(self, signals: TaskSignals, memory: TaskMemory, correction: HandCorrection = NO_CORRECTION) -> np.ndarray:
-        """Joint targets (n, 22), see control.controller; `correction` of the hand's references, see control.arm_control."""
+    def targets(self, signals: TaskSignals, memory: TaskMemory, correction: ReferenceCorrection = NO_CORRECTION) -> np.ndarray:
+        """Joint targets (n, 22), see control.controller, with the references corrected."""
         gravity = self._gravity_torque()
         targets = np.empty((self._robot.count, JOINT_COUNT), order="F")
         targets[:, LEG_SLICE], wheel_torque, support = self._leg_targets(signals, gravity)
-        targets[:, WHEEL_SLICE] = self._wheel_targets(signals, memory, wheel_torque, support)
+        targets[:, WHEEL_SLICE] = self._wheel_targets(signals, memory, wheel_torque, support, correction)
         targets[:, ARM_SLICE] = self._arm_targets(signals, memory, gravity[:, ARM_SLICE], correction)
         return targets
 
     def _arm_targets(
-        self, signals: TaskSignals, memory: TaskMemory, gravity: np.ndarray, correction: HandCorrection
+        self, signals: TaskSignals, memory: TaskMemory, gravity: np.ndarray, correction: ReferenceCorrection
     ) -> np.ndarray:
         config, robot = self._arm, self._robot
         heading, mask = robot.rotation_heading_to_world, signals.mask
@@ -116,10 +117,10 @@ class BatchedTeacher:
         to_lower, to_upper = _WORKSPACE[:, None] - signals.hand_position
         approach = np.clip(approach, config.position_gain * to_lower, config.position_gain * to_upper)
         on_force = self._on_force(signals)
-        motion = (1.0 - mask) * (tracking + correction.velocity) + mask * approach
+        motion = (1.0 - mask) * (tracking + correction.hand_velocity) + mask * approach
         yielding = config.force_velocity_feedback * rotate_back(heading, arm_velocity)
         linear = rotate(heading, (1.0 - on_force) * motion + on_force * yielding)
-        turning = config.orientation_gain * signals.orientation_error + correction.angular_velocity
+        turning = config.orientation_gain * signals.orientation_error + correction.hand_angular_velocity
         angular = rotate(heading, turning)
         angular[:, :2] -= rate[:, :2]
 
@@ -134,7 +135,7 @@ class BatchedTeacher:
         near = np.clip(signals.force_error, -config.force_error_limit_n, config.force_error_limit_n)
         regulation = config.force_gain * near + config.force_integral_gain * memory.force_integral - signals.force
         load = np.clip(config.load_gain * signals.force_estimate, -config.load_limit_n, config.load_limit_n)
-        regulation += correction.force
+        regulation += correction.hand_force
         hand_force = on_force * regulation - (1.0 - on_force) * load + config.integral_gain * memory.position_integral
         force = rotate(heading, hand_force)
         torque = (
@@ -208,7 +209,14 @@ class BatchedTeacher:
         self._shift_velocity = (self._shift - last) / CONTROL_PERIOD_S
         return NOMINAL_POSITION[LEG_SLICE] + self._shift @ self._leg_rad_per_shift
 
-    def _wheel_targets(self, signals: TaskSignals, memory: TaskMemory, torque: np.ndarray, support: np.ndarray) -> np.ndarray:
+    def _wheel_targets(
+        self,
+        signals: TaskSignals,
+        memory: TaskMemory,
+        torque: np.ndarray,
+        support: np.ndarray,
+        correction: ReferenceCorrection,
+    ) -> np.ndarray:
         config, robot = self._wheels, self._robot
         forward, yaw = signals.base_velocity[:, :1], signals.base_velocity[:, 2:]
         feed_forward = torque / DAMPING[WHEEL_SLICE]
@@ -218,10 +226,10 @@ class BatchedTeacher:
         held = memory.wheel_hold + self._held_shift[:, None]
         hold = np.clip(config.hold_gain * held, -config.hold_limit_rps, config.hold_limit_rps)
         integral = config.yaw_integral_gain * memory.yaw_integral
-        steering = yaw + config.yaw_gain * (yaw - signals.yaw_rate) + integral
+        steering = yaw + config.yaw_gain * (yaw - signals.yaw_rate) + integral + correction.base_velocity[..., 1:]
         turn = self._relieve(signals, support, at_rest[:, 0])[:, None] * steering
         lateral = rotate(robot.contact_positions - robot.base_position[:, None], robot.rotation_heading_to_world[:, :, 1])
-        rolling = shift + (forward - turn * lateral) / WHEEL_RADIUS_M
+        rolling = shift + (forward + correction.base_velocity[..., :1] - turn * lateral) / WHEEL_RADIUS_M
         drag = self._wheel_damping * rolling + self._wheel_friction * np.tanh(rolling)
         return feed_forward + np.where(at_rest, shift + hold, rolling + drag / DAMPING[WHEEL_SLICE])
 

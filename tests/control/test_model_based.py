@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from control.arm_control import NO_CORRECTION, ArmConfig, ArmControl, HandCorrection
+from control.arm_control import ArmConfig, ArmControl
 from control.command import DEFAULT_COMMAND, CommandLimits
 from control.controller import CONTROL_PERIOD_S, ControllerInput
 from control.frames import quaternion_from_rotation, rotation_heading_to_world, skew
@@ -23,6 +23,7 @@ from control.joints import (
 )
 from control.leg_control import LegConfig, LegControl, LegTargets
 from control.model_based import ModelBasedController
+from control.reference_correction import NO_CORRECTION, ReferenceCorrection
 from control.robot_model import GRAVITY_MPS2, RobotModel
 from control.rolling_contact import rolling_velocity
 from control.stance import Stance, StanceConfig
@@ -102,7 +103,7 @@ def test_a_correction_moves_position_axes_presses_force_axes_and_turns_the_hand(
     velocity, force, turn = np.array([0.03, -0.02, 0.04]), np.array([5.0, 4.0, -3.0]), np.array([0.1, -0.05, 0.08])
     config = replace(ArmConfig(), damping=1e-6)
     plain, corrected = arm_control(model, config), arm_control(model, config)
-    added = arm_torque(tick, corrected, HandCorrection(velocity, force, turn)) - arm_torque(tick, plain)
+    added = arm_torque(tick, corrected, ReferenceCorrection(velocity, force, turn, np.zeros(2))) - arm_torque(tick, plain)
     rows = model.joint_rows[ARM_SLICE]
     jacobian, inertia = model.end_effector_jacobian[:, rows], model.mass_matrix[np.ix_(rows, rows)]
     added -= jacobian[:3].T @ (mask * force)
@@ -253,6 +254,30 @@ def test_the_turn_is_given_up_while_a_leg_is_saturated_and_taken_up_again(model)
     for _ in range(round(WheelConfig().relief_time_s / CONTROL_PERIOD_S) + 1):
         relieved = wheel_control.step(driving(model, yaw=0.4), LATERAL, EVEN, 0.0)
     assert np.all(np.abs(relieved) > np.abs(free))
+
+
+def base_correction(forward, turn):
+    return replace(NO_CORRECTION, base_velocity=np.array([forward, turn]))
+
+
+def test_a_correction_of_the_base_drives_on_and_turns_unless_the_legs_cannot_bear_it(model):
+    plain = wheels(model).step(driving(model, forward=0.4), LATERAL, EVEN, 0.0)
+    faster = wheels(model).step(driving(model, forward=0.3), LATERAL, EVEN, 0.0, base_correction(0.1, 0.0))
+    assert np.allclose(faster, plain, atol=1e-9)
+
+    turning = wheels(model).step(driving(model, forward=0.4), LATERAL, EVEN, 0.0, base_correction(0.0, 0.2)) - plain
+    drag = 1.0 + model.joint_damping[WHEEL_SLICE] / DAMPING[WHEEL_SLICE]
+    assert np.allclose(turning, -0.2 * LATERAL / WHEEL_RADIUS_M * drag, rtol=1e-3)
+
+    torque = np.zeros(JOINT_COUNT)
+    torque[4] = -1.1 * TORQUE_LIMIT[4]
+    saturated = driving(model, forward=0.4, torque=torque)
+    relieved = wheels(model).step(saturated, LATERAL, EVEN, 0.0, base_correction(0.0, 0.2))
+    assert np.allclose(relieved, plain, atol=1e-9)
+
+
+def test_a_correction_of_the_base_leaves_standing_wheels_alone(model):
+    assert np.allclose(wheels(model).step(driving(model), LATERAL, EVEN, 0.0, base_correction(0.1, 0.2)), 0.0)
 
 
 def test_the_turn_is_given_up_as_a_wheel_is_about_to_lift(model):

@@ -10,7 +10,7 @@ from control.arm_control import ArmConfig
 from control.command import CommandFilter, CommandLimits, HandState
 from control.controller import CONTROL_PERIOD_S, ControllerInput
 from control.frames import quaternion_from_rotation, rotation_from_quaternion
-from control.joints import ARM_SLICE
+from control.joints import ARM_SLICE, LEG_SLICE, WHEEL_SLICE
 from control.model_based import ModelBasedController
 from control.observation import RESIDUAL_FORM, ActionScales, task_signals
 from control.policy import PolicyController
@@ -20,7 +20,7 @@ from control.task_memory import TaskSignals
 from control.types import BaseState, Command, SensorFrame
 from sim.batch_rotations import quaternions_from_rotations, rotate, rotate_back, solve_positive
 from sim.estimator_surrogate import LowPass, SurrogateParameters
-from sim.training_commands import SLIDE, CommandRanges
+from sim.training_commands import LEAD, SLIDE, CommandRanges
 from sim.training_env import SensorNoise, TrainingEnv, TrainingEnvConfig
 from sim.training_references import BatchedReferences, Commands
 from sim.training_rewards import RewardScales, rewards
@@ -224,6 +224,17 @@ def test_rewards_are_largest_without_error_and_fixed_at_a_fall():
     assert np.allclose(fallen, 0.1 * np.array([-5.0, -2.0]))
 
 
+def test_leading_costs_the_base_its_reward_per_newton_of_the_person_alone():
+    env = make_env(count=64)
+    state = env.step(env.teacher_action()).state
+    led = env.source.kind == LEAD
+    assert led.any() and not led.all()
+    assert np.allclose(state.lead_force[led], np.linalg.norm(env._hand_force[led], axis=1)) and not state.lead_force[~led].any()
+    heavier = replace(state, lead_force=state.lead_force + 2.0)
+    change = rewards(RewardScales(), heavier) - rewards(RewardScales(), state)
+    assert np.allclose(change[~state.fallen], [-0.1 * 2.0 * RewardScales().lead, 0.0])
+
+
 def test_ended_episodes_hand_over_their_last_observation():
     env = make_env(count=4, episode_s=0.2)
     for _ in range(12):
@@ -239,24 +250,30 @@ def test_a_residual_policy_that_corrects_nothing_is_the_teacher():
         plain.step(plain.teacher_action())
         corrected.step(np.zeros((4, 22)))
     assert np.allclose(plain.robot.joint_position, corrected.robot.joint_position, atol=1e-9)
-    legs_and_wheels, largest = slice(0, ARM_SLICE.start), ActionScales().correction_limit
+    largest = ActionScales().correction_limit
     corrected.step(np.full((4, 22), 50.0))
-    teacher = plain.teacher_action()[:, legs_and_wheels]
-    assert np.allclose(corrected._action[:, legs_and_wheels], np.clip(teacher + largest, -8.0, 8.0), atol=1e-6)
+    teacher = plain.teacher_action()[:, LEG_SLICE]
+    assert np.allclose(corrected._action[:, LEG_SLICE], np.clip(teacher + largest, -8.0, 8.0), atol=1e-6)
 
 
-def test_training_corrects_the_arm_as_the_policy_does_on_the_robot(tmp_path: Path, model: RobotModel):
-    env = make_env(count=4, form=RESIDUAL_FORM)
+def test_training_corrects_as_the_policy_does_on_the_robot(tmp_path: Path, model: RobotModel):
+    env = make_env(count=8, form=RESIDUAL_FORM)
     for _ in range(10):
-        env.step(np.zeros((4, 22)))
+        env.step(np.zeros((8, 22)))
     action = np.random.default_rng(4).uniform(-1.5, 1.5, 22)
     layers = (env.observation_size, 22)
     arrays = {"weight_0": np.zeros((22, layers[0])), "bias_0": action}
     save_policy(tmp_path, PolicyManifest("policy", RESIDUAL_FORM, interface(RESIDUAL_FORM), layers), arrays)
     controller, plain = PolicyController(*load_policy("policy", tmp_path), model), ModelBasedController(model)
-    inputs = single_input(env, 0, model)
-    single = (controller.step(inputs) - plain.step(inputs))[ARM_SLICE]
-    correction = ActionScales().hand_correction(np.tile(np.clip(action, -1.0, 1.0), (4, 1)))
-    batched = (env.teacher_action(correction) - env.teacher_action())[0, ARM_SLICE] * env.action_scale[ARM_SLICE]
-    assert np.abs(single).max() > 0.02
-    assert np.allclose(single, batched, atol=1e-5)
+    moving = int(np.abs(env.signals.base_velocity).max(axis=1).argmax())
+    assert np.abs(env.signals.base_velocity[moving]).max() > 0.1
+    inputs, scales = single_input(env, moving, model), ActionScales()
+    single = controller.step(inputs) - plain.step(inputs)
+    every = np.tile(np.clip(action, -1.0, 1.0), (8, 1))
+    batched = env.teacher_action(scales.reference_correction(every)) - env.teacher_action() + scales.joint_correction(every)
+    batched = batched[moving] * env.action_scale
+    assert np.abs(single[ARM_SLICE]).max() > 0.02
+    assert np.allclose(single[ARM_SLICE], batched[ARM_SLICE], atol=1e-5)
+    assert np.abs(single[WHEEL_SLICE]).max() > 1.0
+    # The stance of the batch moved on between its two calls.
+    assert np.allclose(single[WHEEL_SLICE], batched[WHEEL_SLICE], atol=0.02)
