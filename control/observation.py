@@ -70,9 +70,9 @@ class ActionScales:
             of the hand: the first on position axes, the second on force axes. What an error of the hand asks for depends on
             neither posture nor inertia then, and turning the hand does not move it. Little force: what training makes of
             forces beyond that suits its own contacts, not real ones.
-        base_forward_mps, base_turn_rps: one unit of its first two wheel actions, which correct what is asked of the base: with
-            an action for each wheel, noise would hardly ever turn the robot.
-        wheel_modes: what its other two move by wheel_rps, of the wheels FL, FR, RL, RR: front against rear, and the diagonals.
+        base_forward_mps, base_turn_rps: one unit of its first two wheel actions, which correct what is asked of the base. Its
+            other two do nothing: with an action for each wheel, noise hardly ever turns the robot, and wheels that work
+            against each other gain speed on the training world's ground but lose the turn on a real one.
         correction_limit: largest part of a correction.
     """
 
@@ -85,7 +85,6 @@ class ActionScales:
     hand_turn_rps: float = 1.0
     base_forward_mps: float = 0.2
     base_turn_rps: float = 1.0
-    wheel_modes: tuple[tuple[float, ...], ...] = ((1.0, 1.0, -1.0, -1.0), (-1.0, 1.0, 1.0, -1.0))
     correction_limit: float = 1.0
 
     def per_joint(self) -> np.ndarray:
@@ -93,10 +92,9 @@ class ActionScales:
         return np.array([self.leg_rad] * 12 + [self.wheel_rps] * 4 + [self.arm_rad] * 6)
 
     def joint_correction(self, action: np.ndarray) -> np.ndarray:
-        """What the action (..., 22) of a residual policy adds to the model-based action (..., 22), of legs and wheels."""
-        added = action.copy()
-        added[..., WHEEL_SLICE] = action[..., WHEEL_SLICE][..., 2:] @ np.array(self.wheel_modes)
-        added[..., ARM_SLICE] = 0.0
+        """What the action (..., 22) of a residual policy adds to the model-based action (..., 22): that of the legs."""
+        added = np.zeros_like(action)
+        added[..., LEG_SLICE] = action[..., LEG_SLICE]
         return added
 
     def reference_correction(self, action: np.ndarray) -> ReferenceCorrection:

@@ -64,11 +64,11 @@ class PolicyTrainingConfig:
     verification_seed: int = 7500
     warm_std: float = 0.1
     scratch_std: float = 0.6
-    residual_std: tuple[float, ...] = (0.03,) * 12 + (0.1, 0.3, 0.03, 0.03) + (0.1,) * 6
-    correction_penalty: tuple[float, ...] = (0.006, 0.001)
+    residual_std: tuple[float, ...] = (0.03,) * 12 + (0.1, 0.3, 0.1, 0.1) + (0.1,) * 6
+    correction_penalty: tuple[float, ...] = (0.03, 0.003, 0.001)
     noise_memory: float = 0.6
-    correction_parts: tuple[int, ...] = (16, 6)
-    correction_weights: tuple[tuple[float, ...], ...] = ((1.5, 0.7), (0.3, 1.0))
+    correction_parts: tuple[int, ...] = (12, 4, 6)
+    correction_weights: tuple[tuple[float, ...], ...] = ((1.5, 0.7), (1.5, 0.7), (0.3, 1.0))
     averaging: float = 0.98
     bfloat16: bool = True
     dagger: DaggerConfig = field(default_factory=DaggerConfig)
