@@ -57,8 +57,8 @@ class PolicyTrainingConfig:
     count: int = 512
     threads: int = 1
     imitation_steps: int = 3000
-    ppo_iterations: int = 1600
-    score_every: int = 160
+    ppo_iterations: int = 400
+    score_every: int = 200
     score_seed: int = 7000
     score_minutes: float = 2.0
     verification_seed: int = 7500
