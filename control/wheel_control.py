@@ -85,8 +85,8 @@ class WheelControl:
             if self._held is None:
                 self._held = angle.copy()
             self._held += shift * CONTROL_PERIOD_S
-            correction = config.hold_gain * (self._held - angle)
-            return feed_forward + shift + np.clip(correction, -config.hold_limit_rps, config.hold_limit_rps)
+            hold = config.hold_gain * (self._held - angle)
+            return feed_forward + shift + np.clip(hold, -config.hold_limit_rps, config.hold_limit_rps)
         self._held = None
 
         rotation = inputs.base.rotation_base_to_world
