@@ -72,7 +72,7 @@ class ActionScales:
             forces beyond that suits its own contacts, not real ones.
         base_forward_mps, base_turn_rps: one unit of its first two wheel actions, which correct what is asked of the base. Its
             other two do nothing: with an action for each wheel, noise hardly ever turns the robot, and wheels that work
-            against each other gain speed on the training world's ground but lose the turn on a real one.
+            against each other gain speed in the training world but lose the turn on the full model.
         correction_limit: largest part of a correction.
     """
 
