@@ -1,7 +1,7 @@
 """The learned whole-body policy as a controller: observation -> actor -> joint targets, at 50 Hz.
 
 A policy of the residual form adds a bounded correction to the targets of the model-based controller, which it runs inside:
-in joints for legs and wheels, in the references of the hand for the arm.
+in joints for the legs, in the references of base and hand for wheels and arm.
 """
 
 from pathlib import Path
