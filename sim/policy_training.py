@@ -74,6 +74,34 @@ class PolicyTrainingConfig:
     dagger: DaggerConfig = field(default_factory=DaggerConfig)
     ppo: PpoConfig = field(default_factory=PpoConfig)
 
+    @property
+    def corrects(self) -> bool:
+        """The policy corrects the model-based controller."""
+        return self.form == RESIDUAL_FORM
+
+    @property
+    def from_scratch(self) -> bool:
+        """There is nothing that PPO starts from."""
+        return self.imitation_steps == 0 and not self.corrects
+
+
+def make_learner(config: PolicyTrainingConfig) -> Ppo:
+    """Network and learner that a run starts with; draws from torch's random numbers."""
+    std = config.residual_std if config.corrects else config.scratch_std if config.from_scratch else config.warm_std
+    network = ActorCritic(Observation(config.form).size, PRIVILEGED_SIZE, JOINT_COUNT, std, config.bfloat16)
+    if not config.corrects:
+        return Ppo(network, _FROM_SCRATCH if config.from_scratch else config.ppo)
+    # The first policy is the model-based controller itself.
+    torch.nn.init.zeros_(network.actor_head.weight)
+    ppo = replace(
+        config.ppo,
+        mean_penalty=config.correction_penalty,
+        noise_memory=config.noise_memory,
+        parts=config.correction_parts,
+        head_weights=config.correction_weights,
+    )
+    return Ppo(network, ppo)
+
 
 class RunError(RuntimeError):
     """A run folder belongs to another training."""
@@ -91,25 +119,10 @@ class PolicyTraining:
         torch.manual_seed(config.seed)
         torch.set_num_threads(config.threads)
         self.run, self.config = run, config
-        corrects = config.form == RESIDUAL_FORM
-        from_scratch = config.imitation_steps == 0 and not corrects
-        std = config.residual_std if corrects else config.scratch_std if from_scratch else config.warm_std
-        self._size = Observation(config.form).size
-        self.network = ActorCritic(self._size, PRIVILEGED_SIZE, JOINT_COUNT, std, config.bfloat16)
-        ppo = _FROM_SCRATCH if from_scratch else config.ppo
-        if corrects:
-            ppo = replace(
-                ppo,
-                mean_penalty=config.correction_penalty,
-                noise_memory=config.noise_memory,
-                parts=config.correction_parts,
-                head_weights=config.correction_weights,
-            )
-            # The first policy is the model-based controller itself.
-            torch.nn.init.zeros_(self.network.actor_head.weight)
-        self.learner = Ppo(self.network, ppo)
+        self.learner = make_learner(config)
+        self.network = self.learner.network
         self.averaged = self._parameters()
-        self.imitated = from_scratch or corrects
+        self.imitated = config.from_scratch or config.corrects
         self.steps = 0
         self.history: dict[str, list[dict[str, Any]]] = {"imitation": [], "ppo": [], "score": []}
         self.best: dict[str, Any] | None = None
@@ -230,7 +243,7 @@ class PolicyTraining:
         for index, name in enumerate(names):
             arrays[f"weight_{index}"] = parameters[f"{name}.weight"].numpy()
             arrays[f"bias_{index}"] = parameters[f"{name}.bias"].numpy()
-        layers = (self._size, *HIDDEN, JOINT_COUNT)
+        layers = (Observation(config.form).size, *HIDDEN, JOINT_COUNT)
         return PolicyManifest(config.name, config.form, interface(config.form), layers), arrays
 
     def _log_imitation(self, step: int, loss: float) -> None:

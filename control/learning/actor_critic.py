@@ -15,36 +15,44 @@ VALUE_HEADS = 2
 _LOG_SQRT_TWO_PI = 0.5 * math.log(2.0 * math.pi)
 
 
-class _RoundedGradient(torch.autograd.Function):
-    """A linear layer whose gradients are computed in bfloat16; its output is not."""
+class _RoundedTrunk(torch.autograd.Function):
+    """Linear and ELU layers whose gradients are computed in bfloat16, at half the time of float32; values in `dtype`.
+
+    One function for all layers: what passes back from one to the next need not be converted for autograd in between.
+    """
 
     @staticmethod
-    def forward(ctx: Any, inputs: torch.Tensor, weight: torch.Tensor, bias: torch.Tensor) -> torch.Tensor:
-        ctx.save_for_backward(inputs, weight)
-        return nn.functional.linear(inputs, weight, bias)
+    def forward(ctx: Any, inputs: torch.Tensor, dtype: torch.dtype, *parameters: torch.Tensor) -> torch.Tensor:
+        """Features (n, out) in `dtype` of inputs (n, in), no gradient; `parameters` are the layers' weights and biases."""
+        weights, biases = parameters[::2], parameters[1::2]
+        values = inputs.to(dtype)
+        rounded = [values.bfloat16()]
+        for weight, bias in zip(weights, biases, strict=True):
+            values = nn.functional.elu(nn.functional.linear(values, weight.to(dtype), bias.to(dtype)), inplace=True)
+            rounded.append(values.bfloat16())
+        ctx.save_for_backward(*rounded, *weights)
+        return values
 
     @staticmethod
     def backward(ctx: Any, *gradients: torch.Tensor) -> tuple[torch.Tensor | None, ...]:
-        inputs, weight = ctx.saved_tensors
-        gradient = gradients[0].bfloat16()
-        of_inputs = gradient @ weight.bfloat16() if ctx.needs_input_grad[0] else None
-        return of_inputs, gradient.t() @ inputs.bfloat16(), gradients[0].sum(dim=0)
+        layers = len(ctx.saved_tensors) // 2
+        rounded, weights = ctx.saved_tensors[: layers + 1], ctx.saved_tensors[layers + 1 :]
+        gradient, of_parameters = gradients[0].bfloat16(), []
+        for layer in reversed(range(layers)):
+            # From the output of ELU, not its input.
+            gradient = torch.ops.aten.elu_backward(gradient, 1.0, 1.0, 1.0, True, rounded[layer + 1])
+            of_parameters = [gradient.t() @ rounded[layer], gradient.sum(dim=0, dtype=torch.float32), *of_parameters]
+            if layer:
+                gradient = gradient @ weights[layer].bfloat16()
+        return None, None, *of_parameters
 
 
-class RoundedGradientLinear(nn.Linear):
-    """nn.Linear with gradients in bfloat16, which costs half the time of float32."""
-
-    def forward(self, input: torch.Tensor) -> torch.Tensor:
-        """(n, out) of (n, in)."""
-        return _RoundedGradient.apply(input, self.weight, self.bias)
-
-
-def mlp(inputs: int, hidden: tuple[int, ...], linear: type[nn.Linear] = nn.Linear) -> nn.Sequential:
+def mlp(inputs: int, hidden: tuple[int, ...]) -> nn.Sequential:
     """Linear and ELU layers; the last hidden size is the output."""
     layers: list[nn.Module] = []
     for size in hidden:
         # In place, the gradient of ELU needs its output only, not the exponential once more.
-        layers += [linear(inputs, size), nn.ELU(inplace=True)]
+        layers += [nn.Linear(inputs, size), nn.ELU(inplace=True)]
         inputs = size
     return nn.Sequential(*layers)
 
@@ -69,7 +77,7 @@ class ActorCritic(nn.Module):
         0.1 looks like a KL divergence of 0.01, as much as a whole update may have.
         """
         super().__init__()
-        self.actor_trunk = mlp(observation, hidden, RoundedGradientLinear if bfloat16 else nn.Linear)
+        self.actor_trunk = mlp(observation, hidden)
         self.actor_head = nn.Linear(hidden[-1], actions)
         self.critic_trunk = mlp(observation + privileged, critic_hidden)
         self.critic_heads = nn.Linear(critic_hidden[-1], VALUE_HEADS)
@@ -81,11 +89,13 @@ class ActorCritic(nn.Module):
 
     def mean(self, observation: torch.Tensor, imitating: bool = False) -> torch.Tensor:
         """Mean action (n, a)."""
-        return self._through(self.actor_trunk, self.actor_head, observation, imitating and self._bfloat16)
+        dtype = torch.bfloat16 if imitating else torch.float32
+        return self._through(self.actor_trunk, self.actor_head, observation, dtype)
 
     def values(self, observation: torch.Tensor, privileged: torch.Tensor) -> torch.Tensor:
         """(n, VALUE_HEADS)."""
-        return self._through(self.critic_trunk, self.critic_heads, torch.cat([observation, privileged], dim=1), self._bfloat16)
+        inputs = torch.cat([observation, privileged], dim=1)
+        return self._through(self.critic_trunk, self.critic_heads, inputs, torch.bfloat16)
 
     def log_probability(self, deviation: torch.Tensor, last: torch.Tensor, memory: float) -> torch.Tensor:
         """(..., a) of deviations (..., a) from the mean after those of the step before, `last` (..., a), action by action.
@@ -109,7 +119,7 @@ class ActorCritic(nn.Module):
         """What the value loss trains."""
         return [*self.critic_trunk.parameters(), *self.critic_heads.parameters()]
 
-    def _through(self, trunk: nn.Module, head: nn.Module, inputs: torch.Tensor, bfloat16: bool) -> torch.Tensor:
-        with torch.autocast("cpu", torch.bfloat16, enabled=bfloat16):
-            features = trunk(inputs)
-        return head(features.float())
+    def _through(self, trunk: nn.Module, head: nn.Module, inputs: torch.Tensor, dtype: torch.dtype) -> torch.Tensor:
+        if not self._bfloat16:
+            return head(trunk(inputs))
+        return head(_RoundedTrunk.apply(inputs, dtype, *trunk.parameters()).float())

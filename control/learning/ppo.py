@@ -6,6 +6,7 @@ discount; advantages are normalised per head, weighted, summed and normalised ag
 The critic has its own optimiser: it keeps its step size when the policy's shrinks to hold the KL target.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -72,10 +73,14 @@ class PpoConfig:
 class Rollout:
     """T steps of N robots. Shapes (T, N, ...), log_probabilities (T, N, parts), values (T + 1, N, heads),
     rewards (T, N, heads), dones (T, N);
-    `before` (N, actions) is how far the noise was from the mean before the first step."""
+    `before` (N, actions) is how far the noise was from the mean before the first step.
+
+    `means` of the actions and `values` carry the graph of their gradients, for one pass backward: the first update of a network
+    is at the parameters that acted, and need not compute them again."""
 
     observations: torch.Tensor
     privileged: torch.Tensor
+    means: torch.Tensor
     actions: torch.Tensor
     log_probabilities: torch.Tensor
     values: torch.Tensor
@@ -104,9 +109,10 @@ def advantages(rollout: Rollout, discounts: torch.Tensor, trace: float) -> torch
     """
     result = torch.zeros_like(rollout.rewards)
     running = torch.zeros_like(rollout.rewards[0])
+    values = rollout.values.detach()
     for t in reversed(range(len(result))):
         goes_on = (1.0 - rollout.dones[t])[:, None]
-        delta = rollout.rewards[t] + discounts * rollout.values[t + 1] * goes_on - rollout.values[t]
+        delta = rollout.rewards[t] + discounts * values[t + 1] * goes_on - values[t]
         running = delta + discounts * trace * goes_on * running
         result[t] = running
     return result
@@ -154,26 +160,29 @@ class Ppo:
     def collect(self, env: VectorEnv) -> Rollout:
         """Act for `horizon` steps."""
         network, horizon, memory = self.network, self.config.horizon, self.config.noise_memory
-        observations, privileged, actions, deviations, rewards, dones, ended = ([] for _ in range(7))
+        observations, privileged, means, actions, deviations, rewards, dones, ended = ([] for _ in range(8))
         with torch.no_grad():
             deviation = before = network.deviate(torch.zeros(len(env.observation), len(network.log_std)), memory=0.0)
             for _ in range(horizon):
                 observation = torch.from_numpy(env.observation)
                 observations.append(observation)
                 privileged.append(torch.from_numpy(env.privileged))
-                mean = network.mean(observation)
+                with torch.enable_grad():
+                    means.append(network.mean(observation))
                 deviation = network.deviate(deviation, memory)
                 deviations.append(deviation)
-                actions.append(mean + deviation)
+                actions.append(means[-1] + deviation)
                 outcome = env.step(actions[-1].numpy())
                 rewards.append(torch.from_numpy(outcome.reward.astype(np.float32)))
                 dones.append(torch.from_numpy(outcome.done.astype(np.float32)))
                 ended.append((outcome.ended, outcome.last_observation, outcome.last_privileged))
             observations.append(torch.from_numpy(env.observation))
             privileged.append(torch.from_numpy(env.privileged))
-            # Values take no part in acting, so one pass over the whole rollout yields them.
             observed, truth = torch.stack(observations), torch.stack(privileged)
-            values = network.values(observed.flatten(0, 1), truth.flatten(0, 1)).unflatten(0, observed.shape[:2])
+            with torch.enable_grad():
+                mean = torch.stack(means)
+                # Values take no part in acting, so one pass over the whole rollout yields them.
+                values = network.values(observed.flatten(0, 1), truth.flatten(0, 1)).unflatten(0, observed.shape[:2])
             for reward, (robots, *last) in zip(rewards, ended, strict=True):
                 if len(robots):
                     # Time was up, but the task would go on: what follows is worth the last state's value.
@@ -182,6 +191,7 @@ class Ppo:
         return Rollout(
             observations=observed[:-1],
             privileged=truth[:-1],
+            means=mean,
             actions=torch.stack(actions),
             log_probabilities=log_probabilities,
             values=values,
@@ -193,26 +203,28 @@ class Ppo:
     def update(self, rollout: Rollout) -> PpoStatistics:
         """Several epochs of minibatches; the policy stands still once it has moved far beyond the KL target."""
         config, network = self.config, self.network
+        all_values = rollout.values[:-1].detach()
         per_head = advantages(rollout, self._discounts, config.trace)
-        all_values = rollout.values[:-1]
         all_returns = per_head + all_values
         all_advantages = combined_advantage(per_head.flatten(0, 1), self._weights).unflatten(0, per_head.shape[:2])
         learn_policy = self.iteration >= config.critic_only
         near = True
 
         value_losses, policy_losses, divergences, clipped = [], [], [], []
-        for _ in range(config.epochs):
-            # Of robots, not of steps: an action's likelihood needs the step before.
-            for robots in torch.randperm(per_head.shape[1]).chunk(config.minibatches):
+        for epoch in range(config.epochs):
+            for robots in self._batches(per_head.shape[1]):
+                # The network is still the one that acted, on all robots.
+                known = epoch == 0 and config.minibatches == 1
                 observed = rollout.observations[:, robots].flatten(0, 1)
-                values = network.values(observed, rollout.privileged[:, robots].flatten(0, 1))
+                truth = rollout.privileged[:, robots].flatten(0, 1)
+                values = rollout.values[:-1].flatten(0, 1) if known else network.values(observed, truth)
                 old_values, returns = all_values[:, robots].flatten(0, 1), all_returns[:, robots].flatten(0, 1)
                 loss = value_loss(values, old_values, returns, config.value_clip).sum()
                 self._descend(self.critic_optimizer, network.critic_parameters(), loss)
                 value_losses.append(loss.item())
                 if not (learn_policy and near):
                     continue
-                mean = network.mean(observed)
+                mean = rollout.means.flatten(0, 1) if known else network.mean(observed)
                 actions = rollout.actions[:, robots]
                 log_probability = self._log_probabilities(actions - mean.view(actions.shape), rollout.before[robots])
                 log_ratio = (log_probability - rollout.log_probabilities[:, robots]).clamp(-5.0, 5.0)
@@ -252,6 +264,10 @@ class Ppo:
         self.actor_optimizer.load_state_dict(state["actor_optimizer"])
         self.critic_optimizer.load_state_dict(state["critic_optimizer"])
         self.actor_rate, self.iteration = state["actor_rate"], state["iteration"]
+
+    def _batches(self, robots: int) -> Sequence[torch.Tensor | slice]:
+        """Of robots, not of steps: an action's likelihood needs the step before. One batch is all of them as they lie."""
+        return torch.randperm(robots).chunk(self.config.minibatches) if self.config.minibatches > 1 else [slice(None)]
 
     def _log_probabilities(self, deviations: torch.Tensor, before: torch.Tensor) -> torch.Tensor:
         """(T, N, parts) of successive deviations (T, N, actions) that follow `before` (N, actions)."""

@@ -16,21 +16,19 @@ import numpy as np
 import torch
 
 from control.joints import JOINT_COUNT
-from control.learning.actor_critic import ActorCritic
-from control.learning.ppo import Ppo, PpoConfig
+from control.learning.ppo import PpoConfig
 from sim.benchmarks.report import Report, Row, argument_parser, at_least
-from sim.policy_training import PolicyTrainingConfig
-from sim.training_env import PRIVILEGED_SIZE, TrainingEnv, TrainingEnvConfig
+from sim.policy_training import PolicyTrainingConfig, make_learner
+from sim.training_env import TrainingEnv, TrainingEnvConfig
 
 
 def measure(count: int, seed: int, turns: int) -> Row:
     """Environment steps per CPU second: bare physics, and the environment and PPO as shares of it."""
     torch.manual_seed(seed)
     torch.set_num_threads(1)
-    defaults = PolicyTrainingConfig()
-    env = TrainingEnv(TrainingEnvConfig(count=count, seed=seed, form=defaults.form))
-    network = ActorCritic(env.observation_size, PRIVILEGED_SIZE, JOINT_COUNT, defaults.residual_std, defaults.bfloat16)
-    learner = Ppo(network, PpoConfig(critic_only=0))
+    config = PolicyTrainingConfig(ppo=PpoConfig(critic_only=0))
+    env = TrainingEnv(TrainingEnvConfig(count=count, seed=seed, form=config.form))
+    learner = make_learner(config)
     horizon = learner.config.horizon
     nothing = np.zeros((count, JOINT_COUNT))
 

@@ -18,6 +18,7 @@ def rollout(rewards, values, dones) -> Rollout:
     return Rollout(
         observations=nothing,
         privileged=nothing,
+        means=nothing,
         actions=nothing,
         log_probabilities=nothing,
         values=torch.tensor(values)[:, None],
@@ -223,6 +224,23 @@ def test_critic_only_iterations_leave_the_policy_alone():
     assert all(torch.equal(a, b) for a, b in zip(before, net.actor_parameters(), strict=True))
     learner.iterate(env)
     assert not all(torch.equal(a, b) for a, b in zip(before, net.actor_parameters(), strict=True))
+
+
+@pytest.mark.parametrize("minibatches", [1, 4])
+def test_first_step_needs_no_pass_of_its_own(minibatches: int):
+    """What acting kept gives the parameters that computing means and values again gives."""
+    results = []
+    for kept in (True, False):
+        net = network()
+        learner = Ppo(net, PpoConfig(horizon=4, epochs=2, minibatches=minibatches, critic_only=0))
+        data = learner.collect(Reaching(64))
+        if not kept:
+            values = [net.values(seen, truth) for seen, truth in zip(data.observations, data.privileged, strict=True)]
+            after = data.values[-1:].detach()
+            data = replace(data, means=net.mean(data.observations), values=torch.cat([torch.stack(values), after]))
+        learner.update(data)
+        results.append(torch.nn.utils.parameters_to_vector(net.parameters()))
+    assert torch.allclose(*results, atol=1e-6)
 
 
 def test_step_size_follows_the_divergence():
