@@ -6,14 +6,14 @@ projections that are only shown run at 50 Hz, spread over the ticks between.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
 
 from control.base_state import BaseStateConfig, BaseStateEstimator
-from control.command import DEFAULT_COMMAND, CommandFilter, CommandLimits, HandState
+from control.command import DEFAULT_COMMAND, CommandFilter, CommandLimits, HandState, clip_command
 from control.controller import CONTROL_PERIOD_S, Controller, ControllerInput
 from control.force_estimator import EstimatorInput, ForceEstimator
 from control.force_estimators import EstimatorsConfig, make_estimators
@@ -23,6 +23,7 @@ from control.model_based import ModelBasedController
 from control.policy import make_policies
 from control.robot_model import RobotModel
 from control.safety import Fault, SafetyConfig, SafetyGate, SafetyStatus
+from control.support import bearable_share
 from control.types import BaseState, Command, ForceEstimate, JointCommand, SensorFrame
 from control.weights_file import WEIGHTS_DIRECTORY
 
@@ -113,6 +114,7 @@ class Pipeline:
         self._tick = 0
         self._estimates: dict[str, ForceEstimate] = {}
         self._applied = DEFAULT_COMMAND
+        self._limited = Fault.NONE
         self._targets: np.ndarray | None = None
         self._base_state.reset()
         for estimator in self._estimators.values():
@@ -193,21 +195,26 @@ class Pipeline:
         phase = self._tick % CONTROL_DECIMATION
         starting = self._targets is None
         if phase == CONTROL_DECIMATION - 1 or starting:
-            self._refer(self._safety.check_command(command, command_age_s), hand)
+            self._refer(self._safety.check_command(command, command_age_s), base, hand)
         if phase == 0 or starting:
             inputs = ControllerInput(sensor, base, self.model, self._applied, hand.force_in_heading)
             self._targets = self._controllers[self.controller_name].step(inputs)
-        reported = Fault.ESTIMATOR_STALE if selected.stale else Fault.NONE
+        reported = (Fault.ESTIMATOR_STALE if selected.stale else Fault.NONE) | self._limited
         joint_command, safety = self._safety.step(self._targets, sensor, base, reported)
         self._tick += 1
         return PipelineOutput(joint_command, self._applied, base, hand, self._estimates, safety)
 
-    def _refer(self, command: Command, hand: HandState) -> None:
+    def _refer(self, command: Command, base: BaseState, hand: HandState) -> None:
         if not self._safety.in_control:
             # References start from wherever the robot is when the controller gets hold of it.
             self._filter.reset()
             self._controllers[self.controller_name].reset()
-        self._applied = self._filter.step(self._guidance.step(command, hand, CONTROL_PERIOD_S), hand, CONTROL_PERIOD_S)
+        limits = self.config.limits
+        command = clip_command(self._guidance.step(command, hand, CONTROL_PERIOD_S), limits)
+        heading = rotation_heading_to_world(base.rotation_base_to_world)
+        share = bearable_share(command.mask * command.force_n, self.model, heading, limits.support_margin_m)
+        self._limited = Fault.SUPPORT_LIMIT if share < 1.0 else Fault.NONE
+        self._applied = self._filter.step(replace(command, force_n=share * command.force_n), hand, CONTROL_PERIOD_S)
 
     def _estimate(self, inputs: EstimatorInput) -> None:
         phase = self._tick % CONTROL_DECIMATION
