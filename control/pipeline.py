@@ -190,12 +190,13 @@ class Pipeline:
         )
         self._estimate(EstimatorInput(self.model, sensor, base, self._applied.mask))
         selected = self._estimates[self.estimator_name]
-        hand = self._hand(base, selected)
+        heading = rotation_heading_to_world(base.rotation_base_to_world)
+        hand = self._hand(base.height_m, heading, selected)
         # The references move one tick before the controller runs, so that no tick carries both; a start cannot wait for that.
         phase = self._tick % CONTROL_DECIMATION
         starting = self._targets is None
         if phase == CONTROL_DECIMATION - 1 or starting:
-            self._refer(self._safety.check_command(command, command_age_s), base, hand)
+            self._refer(self._safety.check_command(command, command_age_s), heading, hand)
         if phase == 0 or starting:
             inputs = ControllerInput(sensor, base, self.model, self._applied, hand.force_in_heading)
             self._targets = self._controllers[self.controller_name].step(inputs)
@@ -204,16 +205,16 @@ class Pipeline:
         self._tick += 1
         return PipelineOutput(joint_command, self._applied, base, hand, self._estimates, safety)
 
-    def _refer(self, command: Command, base: BaseState, hand: HandState) -> None:
+    def _refer(self, command: Command, heading: np.ndarray, hand: HandState) -> None:
         if not self._safety.in_control:
             # References start from wherever the robot is when the controller gets hold of it.
             self._filter.reset()
             self._controllers[self.controller_name].reset()
         limits = self.config.limits
         command = clip_command(self._guidance.step(command, hand, CONTROL_PERIOD_S), limits)
-        heading = rotation_heading_to_world(base.rotation_base_to_world)
         share = bearable_share(command.mask * command.force_n, self.model, heading, limits.support_margin_m)
-        self._limited = Fault.SUPPORT_LIMIT if share < 1.0 else Fault.NONE
+        # Where the drives damp, nothing of the command acts that could be limited.
+        self._limited = Fault.SUPPORT_LIMIT if share < 1.0 and self._safety.in_control else Fault.NONE
         self._applied = self._filter.step(replace(command, force_n=share * command.force_n), hand, CONTROL_PERIOD_S)
 
     def _estimate(self, inputs: EstimatorInput) -> None:
@@ -223,8 +224,7 @@ class Pipeline:
             if name == self.estimator_name or phase == SHOWN_TURNS[index % len(SHOWN_TURNS)]:
                 self._estimates[name] = estimator.estimate()
 
-    def _hand(self, base: BaseState, estimate: ForceEstimate) -> HandState:
-        heading = rotation_heading_to_world(base.rotation_base_to_world)
+    def _hand(self, base_height_m: float, heading: np.ndarray, estimate: ForceEstimate) -> HandState:
         position = self.model.end_effector_position @ heading
-        position[2] += base.height_m
+        position[2] += base_height_m
         return HandState(position, heading.T @ self.model.end_effector_rotation, estimate.force_in_heading)

@@ -14,6 +14,7 @@ from control.pipeline import PipelineConfig
 from control.robot_model import GRAVITY_MPS2, RobotModel
 from control.safety import Fault
 from control.support import bearable_share
+from control.types import Command
 from sim.session import Session, SessionConfig
 from sim.wrenches import Spring
 
@@ -83,8 +84,7 @@ def test_twenty_newtons_on_every_axis_are_borne_whole_wherever_the_hand_is():
 def test_a_robot_beyond_its_edge_bears_what_brings_it_back_alone():
     model, _ = standing(NOMINAL_POSITION[ARM_SLICE])
     leaning = rotation_from_quaternion(np.array([np.cos(0.4), 0.0, np.sin(0.4), 0.0]))
-    still = np.zeros(JOINT_COUNT)
-    model.update(leaning, NOMINAL_POSITION, np.zeros(3), np.zeros(3), still)
+    model.update(leaning, NOMINAL_POSITION, np.zeros(3), np.zeros(3), np.zeros(JOINT_COUNT))
     forward = np.array([10.0, 0.0, 0.0])
     assert model.center_of_mass[0] > model.wheel_contact_positions[:, 0].max()
     assert bearable_share(forward, model, np.eye(3), margin_m=0.0) == 0.0
@@ -105,3 +105,18 @@ def test_a_force_that_would_tip_the_robot_is_reduced(margin_m: float, falls: boo
         faults |= session.tick(command).safety.faults
     assert (Fault.SUPPORT_LIMIT in faults) != falls
     assert (Fault.TILT in faults) == falls
+
+
+def test_what_is_limited_is_told_while_the_command_acts_and_no_longer():
+    session = Session(SessionConfig(seed=2, pipeline=PipelineConfig(controller="model_based")))
+    command = replace(DEFAULT_COMMAND, mask=np.ones(3), force_n=40.0 * np.sign(UPSETTING_N))
+
+    def faults(asked: Command, ticks: int) -> Fault:
+        for _ in range(ticks):
+            session.tick(asked)
+        return session.output.safety.faults
+
+    assert faults(DEFAULT_COMMAND, 300) == Fault.NONE
+    assert Fault.SUPPORT_LIMIT in faults(command, 20)
+    session.estop()
+    assert Fault.SUPPORT_LIMIT not in faults(command, 20)
