@@ -12,20 +12,21 @@ from types import MappingProxyType
 
 import numpy as np
 
-from control.base_state import BaseStateConfig, BaseStateEstimator
-from control.command import DEFAULT_COMMAND, CommandFilter, CommandLimits, HandState, clip_command
-from control.controller import CONTROL_PERIOD_S, Controller, ControllerInput
-from control.force_estimator import EstimatorInput, ForceEstimator
-from control.force_estimators import EstimatorsConfig, make_estimators
+from control.command.filter import CommandFilter
+from control.command.guidance import Guidance, GuidanceConfig
+from control.command.limits import DEFAULT_COMMAND, CommandLimits, HandState, clip_command
+from control.command.tip_over import bearable_share
+from control.estimation.base_state import BaseStateConfig, BaseStateEstimator
+from control.estimation.force_estimator import EstimatorInput, ForceEstimator
+from control.estimation.registry import EstimatorsConfig, make_estimators
 from control.frames import rotation_heading_to_world
-from control.guidance import Guidance, GuidanceConfig
-from control.model_based import ModelBasedController
-from control.policy import make_policies
+from control.paths import WEIGHTS_DIRECTORY
+from control.policy.policy_controller import make_policies
 from control.robot_model import RobotModel
 from control.safety import Fault, SafetyConfig, SafetyGate, SafetyStatus
-from control.support import bearable_share
 from control.types import BaseState, Command, ForceEstimate, JointCommand, SensorFrame
-from control.weights_file import WEIGHTS_DIRECTORY
+from control.whole_body.controller import CONTROL_PERIOD_S, Controller, ControllerInput
+from control.whole_body.model_based import ModelBasedController
 
 TICK_S = 0.002
 CONTROL_DECIMATION = round(CONTROL_PERIOD_S / TICK_S)

@@ -21,8 +21,8 @@ from control.joints import (
     WHEEL_RADIUS_M,
     permutation,
 )
+from control.paths import ROBOT_MJCF
 
-ROBOT_MJCF = Path(__file__).resolve().parents[1] / "assets" / "robot" / "robot.xml"
 IMU_FRAME = "imu"
 GRAVITY_MPS2 = 9.81
 WRENCH_SIZE = 3 * len(LEGS) + 6

@@ -56,7 +56,7 @@ class Command:
 
 @dataclass(frozen=True, slots=True)
 class BaseState:
-    """Estimated state of the base (control.base_state).
+    """Estimated state of the base (control.estimation.base_state).
 
     Attributes:
         rotation_base_to_world: (3, 3).

@@ -7,8 +7,6 @@ from typing import Any
 
 import numpy as np
 
-WEIGHTS_DIRECTORY = Path(__file__).resolve().parents[1] / "assets" / "weights"
-
 
 def save_weights(directory: Path, name: str, content: dict[str, Any], arrays: dict[str, np.ndarray]) -> Path:
     """Write NAME.npz in single precision and NAME.json with `content` and the hash into `directory`; the manifest's path."""

@@ -46,7 +46,7 @@ def main() -> None:
     from server.errors import ServerError
     from server.runner import PortInUseError, serve
     from sim.backends.hardware.config import HardwareConfig
-    from sim.session import SessionConfig
+    from sim.runtime.session import SessionConfig
 
     try:
         config = ServerConfig(

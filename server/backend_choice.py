@@ -8,8 +8,8 @@ from typing import Any
 from server.errors import InvalidFieldError
 from sim.backends.hardware.config import HardwareConfig
 from sim.backends.unitree.dds import RobotNetworkError
-from sim.hardware_session import HardwareSession
-from sim.session import Session
+from sim.runtime.hardware_session import HardwareSession
+from sim.runtime.session import Session
 
 
 @dataclass(frozen=True, slots=True)

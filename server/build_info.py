@@ -3,9 +3,9 @@
 import tomllib
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
-from pathlib import Path
 
-from sim.benchmarks.report import commit
+from control.paths import ROOT
+from control.provenance import commit
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,5 +21,5 @@ def build_info() -> BuildInfo:
     try:
         return BuildInfo(version("forcelens"), commit())
     except PackageNotFoundError:  # run from a checkout that is not installed
-        project = Path(__file__).resolve().parents[1] / "pyproject.toml"
+        project = ROOT / "pyproject.toml"
         return BuildInfo(tomllib.loads(project.read_text())["project"]["version"], commit())

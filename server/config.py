@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 from server.access import LOOPBACK_NAMES
 from sim.backends.hardware.config import HardwareConfig
-from sim.session import SessionConfig
+from sim.runtime.session import SessionConfig
 
 
 class ConfigError(ValueError):

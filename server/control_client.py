@@ -19,9 +19,9 @@ from server.errors import ControlDeadError, ControlTimeoutError, InvalidFieldErr
 from server.messages import Close, Event, Fatal, Outcome, Ready, Reply
 from server.session_events import SLOW_EVENTS
 from server.setpoint import default_setpoint
-from sim import shared_record
-from sim.shared_record import SharedRecord
-from sim.snapshot import SETPOINT, SNAPSHOT
+from sim.processes import shared_record
+from sim.processes.shared_record import SharedRecord
+from sim.runtime.snapshot import SETPOINT, SNAPSHOT
 
 START_TIMEOUT_S = 60.0
 CALL_TIMEOUT_S = 5.0

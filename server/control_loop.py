@@ -17,9 +17,9 @@ from server.pacing import Pacer
 from server.session_events import SLOW_EVENTS, EventError, SessionEvents
 from server.setpoint import default_setpoint
 from sim.backends.protocol import BackendError
-from sim.session import Session
-from sim.shared_record import SharedRecord
-from sim.snapshot import SNAPSHOT, Mode
+from sim.processes.shared_record import SharedRecord
+from sim.runtime.session import Session
+from sim.runtime.snapshot import SNAPSHOT, Mode
 
 PUBLISH_EVERY = 5
 """Ticks between snapshots (100 Hz, the fastest stream); a change that someone waits for is published at once."""

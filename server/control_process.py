@@ -18,10 +18,10 @@ from server.messages import Fatal, Ready
 from server.pacing import Pacer
 from server.session_events import describe
 from sim.backends.protocol import BackendError
-from sim.realtime import request_realtime
-from sim.session import Session, SessionConfig
-from sim.shared_record import SharedRecord
-from sim.snapshot import SETPOINT, SNAPSHOT
+from sim.processes.realtime import request_realtime
+from sim.processes.shared_record import SharedRecord
+from sim.runtime.session import Session, SessionConfig
+from sim.runtime.snapshot import SETPOINT, SNAPSHOT
 
 FIFO_PRIORITY = 20
 

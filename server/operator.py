@@ -13,7 +13,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from control.command import DEFAULT_COMMAND, CommandError, CommandLimits, clip_command
+from control.command.limits import DEFAULT_COMMAND, CommandError, CommandLimits, clip_command
 from control.types import Command
 from server.backend_choice import BackendChoice, with_options
 from server.control_client import SLOW_CALL_TIMEOUT_S, ControlClient
@@ -22,11 +22,11 @@ from server.errors import ControlDeadError, ControlTimeoutError, InvalidFieldErr
 from server.robot_handle import RobotHandle
 from server.schemas import BackendRequest, CommandPatch, MismatchRequest, RunRequest, StepRequest
 from server.validation import validated
+from sim.backends.hardware.backend import unavailable_because
 from sim.backends.hardware.config import HardwareConfig
 from sim.backends.hardware.states import ACTIVE
 from sim.backends.hardware.status import HardwareStatus
-from sim.backends.hardware_backend import unavailable_because
-from sim.snapshot import COMMAND, Mode, command_to_record, on_hardware
+from sim.runtime.snapshot import COMMAND, Mode, command_to_record, on_hardware
 
 Choices = dict[str, Any]
 

@@ -1,14 +1,14 @@
-"""Request bodies of the REST interface. Ranges come from control.command.CommandLimits and sim.mismatch."""
+"""Request bodies of the REST interface. Ranges come from control.command.limits and sim.backends.simulation.mismatch."""
 
 from typing import Annotated, Any, Literal
 
 from pydantic import ConfigDict, Field, model_validator
 from pydantic_core import PydanticCustomError
 
-from control.command import CommandLimits
+from control.command.limits import CommandLimits
 from server.control_loop import MAX_STEPS, SPEED_RANGE
 from server.fields import Mask, Number, RequestModel, Vector
-from sim.mismatch import MASS_SCALE_RANGE
+from sim.backends.simulation.mismatch import MASS_SCALE_RANGE
 
 LIMITS = CommandLimits()
 

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 
 from server.messages import Outcome
-from sim.backends.hardware_backend import unavailable_because
-from sim.backends.mujoco_backend import KEYFRAMES
+from sim.backends.hardware.backend import unavailable_because
 from sim.backends.protocol import BackendError
-from sim.hardware_session import HardwareSession
+from sim.backends.simulation.mujoco_backend import KEYFRAMES
+from sim.runtime.hardware_session import HardwareSession
+from sim.runtime.session import Session, SessionError
 from sim.scenes import SCENE_NAMES
-from sim.session import Session, SessionError
 
 SLOW_EVENTS = frozenset({"reset", "set_scene", "select_controller", "set_mismatch"})
 """Known to take longer than a tick; the loop excuses them."""

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from control.command import DEFAULT_COMMAND
-from sim.snapshot import SETPOINT, command_to_record
+from control.command.limits import DEFAULT_COMMAND
+from sim.runtime.snapshot import SETPOINT, command_to_record
 
 
 def default_setpoint() -> np.ndarray:

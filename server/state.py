@@ -14,7 +14,7 @@ from control.joints import JOINT_NAMES, LEGS
 from control.safety import Fault
 from control.types import Command
 from sim.backends.hardware.states import DriveState, Trip, describe
-from sim.snapshot import Mode, on_hardware
+from sim.runtime.snapshot import Mode, on_hardware
 
 CONTROL_PROCESS_DEAD = "CONTROL_PROCESS_DEAD"
 

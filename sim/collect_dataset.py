@@ -18,11 +18,11 @@ from typing import Any
 import numpy as np
 
 from control.learning.rollout_data import PERIOD_S, SPLITS, save_rollout, write_manifest
+from control.provenance import commit
 from sim import scenes
-from sim.benchmarks.report import commit
-from sim.executors import EXECUTOR_NAMES, map_unordered
-from sim.rollout_plans import RolloutPlan, plan_rollouts
-from sim.rollout_recorder import Recording, manifest_entry, record_rollout
+from sim.processes.executors import EXECUTOR_NAMES, map_unordered
+from sim.trials.rollout_plans import RolloutPlan, plan_rollouts
+from sim.trials.rollout_recorder import Recording, manifest_entry, record_rollout
 
 logger = logging.getLogger("collect_dataset")
 
@@ -46,8 +46,8 @@ def collect(
 
     Args:
         output: folder of the data set.
-        seed, rollouts, duration_s: see sim.rollout_plans.plan_rollouts.
-        executor, workers, address: see sim.executors.map_unordered.
+        seed, rollouts, duration_s: see sim.trials.rollout_plans.plan_rollouts.
+        executor, workers, address: see sim.processes.executors.map_unordered.
         command: as given, for the manifest.
         splits: those to record, of rollout_data.SPLITS.
 
@@ -150,7 +150,7 @@ def main(arguments: list[str] | None = None) -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--output", type=Path, required=True, help="folder of the data set")
-    parser.add_argument("--rollouts", type=int, default=500, help="of all splits together, see sim.rollout_plans")
+    parser.add_argument("--rollouts", type=int, default=500, help="of all splits together, see sim.trials.rollout_plans")
     parser.add_argument("--seed", type=int, default=1, help="of everything random")
     parser.add_argument(
         "--duration", type=float, default=10.0, help="seconds per training rollout; held-out ones last twice as long"

@@ -13,13 +13,13 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
-from control.observation import EXTENDED_FORM, PAPER_FORM, RESIDUAL_FORM
-from control.policy_weights import PolicyManifest
-from control.weights_file import WEIGHTS_DIRECTORY
-from sim import fit_estimator_surrogate
-from sim.estimator_surrogate import SURROGATE_FILE
-from sim.executors import EXECUTOR_NAMES, map_unordered
-from sim.policy_training import PolicyTraining, PolicyTrainingConfig
+from control.paths import WEIGHTS_DIRECTORY
+from control.policy.observation import EXTENDED_FORM, PAPER_FORM, RESIDUAL_FORM
+from control.policy.policy_weights import PolicyManifest
+from sim.processes.executors import EXECUTOR_NAMES, map_unordered
+from sim.training import fit_surrogate as fit_estimator_surrogate
+from sim.training.policy_training import PolicyTraining, PolicyTrainingConfig
+from sim.training.surrogate import SURROGATE_FILE
 
 logger = logging.getLogger("train_policy")
 
@@ -38,7 +38,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     defaults = PolicyTrainingConfig()
     forms = (RESIDUAL_FORM, EXTENDED_FORM, PAPER_FORM)
-    parser.add_argument("--form", choices=forms, default=defaults.form, help="of the policy, see control.observation")
+    parser.add_argument("--form", choices=forms, default=defaults.form, help="of the policy, see control.policy.observation")
     parser.add_argument("--seeds", type=int, nargs="+", default=[0], help="one run each; with several, the median is exported")
     parser.add_argument("--count", type=int, default=defaults.count, help="robots in the batch")
     parser.add_argument("--threads", type=int, default=1, help="CPU threads of each run")

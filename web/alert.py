@@ -7,7 +7,7 @@ import viser
 
 from control.safety import Fault
 from sim.backends.hardware.states import Trip, describe
-from sim.snapshot import Mode, on_hardware
+from sim.runtime.snapshot import Mode, on_hardware
 
 _FAULT_WORDS = {
     Fault.TILT: "the base tilts too far",

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import viser
 
-from control.command import DEFAULT_COMMAND, CommandLimits, clip_command
+from control.command.limits import DEFAULT_COMMAND, CommandLimits, clip_command
 from web.sink import ConsoleSink, reports_refusal
 from web.widget_binding import Binding
 

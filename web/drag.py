@@ -5,7 +5,7 @@ import time
 import numpy as np
 import viser
 
-from sim.snapshot import on_hardware
+from sim.runtime.snapshot import on_hardware
 from web import theme
 from web.command_panel import reachable
 from web.force_arrows import rotation_from_yaw

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import viser
 
+from sim.backends.hardware.backend import HONESTY
 from sim.backends.hardware.states import DriveState, allowed_requests
 from sim.backends.hardware.status import HardwareStatus
-from sim.backends.hardware_backend import HONESTY
-from sim.snapshot import on_hardware
+from sim.runtime.snapshot import on_hardware
 from web import theme
 from web.sink import ConsoleSink, notify
 from web.widget_binding import Binding, Worker, text

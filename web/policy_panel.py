@@ -7,7 +7,7 @@ import numpy as np
 import viser
 
 from control.joints import ARM_SLICE, LEG_SLICE, WHEEL_SLICE
-from control.observation import Observation
+from control.policy.observation import Observation
 from web import theme
 
 PERIOD_S = 0.25

@@ -13,7 +13,7 @@ import viser
 
 from control.frames import quaternion_multiply
 from control.joints import JOINT_NAMES
-from control.robot_model import ROBOT_MJCF
+from control.paths import ROBOT_MJCF
 from web import theme
 
 VISUALS = Path(ROBOT_MJCF).parent / "visual"

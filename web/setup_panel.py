@@ -3,7 +3,7 @@
 import numpy as np
 import viser
 
-from sim.snapshot import on_hardware
+from sim.runtime.snapshot import on_hardware
 from web.sink import ConsoleSink
 from web.widget_binding import Binding, Worker, text
 

@@ -5,7 +5,7 @@ from typing import Any, Literal, Protocol, TypeVar
 
 import viser
 
-from control.command import CommandLimits
+from control.command.limits import CommandLimits
 from sim.backends.hardware.status import HardwareStatus
 
 

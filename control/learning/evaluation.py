@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
-from control.force_features import SIGMA_GROUPS, features, increment_columns, sigma_drivers
+from control.estimation.networks.force_features import SIGMA_GROUPS, features, increment_columns, sigma_drivers
+from control.estimation.networks.force_network import NetworkManifest, scale_output
 from control.learning.rollout_data import SETTLE_STEPS, Rollout
 from control.learning.targets import TrainingTarget
 from control.learning.windows import WindowSet
-from control.network_weights import NetworkManifest, scale_output
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,7 +21,7 @@ class Prediction:
         error: (T, 3) N, estimate minus truth.
         nominal_error: (T, 3) N, of the nominal estimate alone; None where the network uses none.
         sigma: (T, 3) N, or None.
-        drivers: (T, SIGMA_DRIVERS) of control.force_features.sigma_drivers.
+        drivers: (T, SIGMA_DRIVERS) of control.estimation.networks.force_features.sigma_drivers.
     """
 
     error: np.ndarray

@@ -3,7 +3,7 @@
 import torch
 from torch.nn import functional
 
-from control.network_weights import LOG_VARIANCE_RANGE
+from control.estimation.networks.force_network import LOG_VARIANCE_RANGE
 
 
 def smooth_l1(raw: torch.Tensor, target: torch.Tensor) -> torch.Tensor:

@@ -13,15 +13,17 @@ from pathlib import Path
 
 import torch
 
+from control.estimation.networks.force_network import NetworkManifest
+from control.estimation.networks.network_weights import load_network, save_network
 from control.learning.calibration import calibrate
 from control.learning.evaluation import cell_metrics, predict
-from control.learning.residual_training import git_commit
 from control.learning.rollout_data import load_split, read_manifest
 from control.learning.targets import TARGETS
 from control.learning.tcn_module import TcnModule
 from control.learning.windows import Normalization, WindowSet
-from control.network_weights import NetworkManifest, load_network, save_network
-from control.weights_file import WEIGHTS_DIRECTORY, load_arrays
+from control.paths import WEIGHTS_DIRECTORY
+from control.provenance import commit
+from control.weights_file import load_arrays
 
 logger = logging.getLogger("recalibration")
 
@@ -46,7 +48,7 @@ def recalibrate(data: Path, name: str, directory: Path, command: str) -> Network
     manifest = replace(manifest, sigma_scale=scale, sigma_slopes=slopes)
     cells = cell_metrics(rollouts, predict(module, windows, rollouts, target, manifest))
     dataset = {key: read_manifest(data).get(key) for key in ("seed", "commit", "command")}
-    calibration = {"command": command, "commit": git_commit(), "dataset": dataset, "rollouts": len(rollouts), "cells": cells}
+    calibration = {"command": command, "commit": commit(), "dataset": dataset, "rollouts": len(rollouts), "cells": cells}
     manifest = replace(manifest, training={**manifest.training, "calibration": calibration})
     path = save_network(directory, manifest, arrays)
     for kind, cell in cells.items():

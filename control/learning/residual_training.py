@@ -7,7 +7,6 @@ resumes where it was cut off.
 import argparse
 import logging
 import shlex
-import subprocess
 import sys
 import time
 from collections.abc import Iterable
@@ -19,7 +18,10 @@ import numpy as np
 import torch
 from torch import nn
 
-from control.force_features import feature_names
+from control.estimation.networks.force_features import feature_names
+from control.estimation.networks.force_network import NetworkManifest
+from control.estimation.networks.network_weights import save_network
+from control.estimation.networks.residual_tcn import TcnShape
 from control.learning.calibration import calibrate
 from control.learning.curves import save_curves
 from control.learning.evaluation import Prediction, by_cell, cell_metrics, predict, typical_rmse
@@ -29,9 +31,8 @@ from control.learning.shrinkage import choose_output_noise
 from control.learning.targets import TARGETS, TrainingTarget
 from control.learning.tcn_module import TcnModule
 from control.learning.windows import Normalization, WindowSet, wanted_force
-from control.network_weights import NetworkManifest, save_network
-from control.residual_tcn import TcnShape
-from control.weights_file import WEIGHTS_DIRECTORY
+from control.paths import WEIGHTS_DIRECTORY
+from control.provenance import commit
 
 logger = logging.getLogger("residual_training")
 
@@ -162,7 +163,7 @@ class ResidualTraining:
         dataset = read_manifest(self.data)
         training = {
             "command": command,
-            "commit": git_commit(),
+            "commit": commit(),
             "config": asdict(self.config),
             "best_epoch": int(np.argmin(self.validation_rmse)) + 1,
             "dataset": {key: dataset.get(key) for key in ("seed", "commit", "command")},
@@ -238,16 +239,6 @@ class ResidualTraining:
         self.losses, self.validation_rmse = state["losses"], state["validation_rmse"]
         self.best_parameters = state["best_parameters"]
         logger.info("resumed after epoch %d of %s", len(self.losses), path)
-
-
-def git_commit() -> str:
-    """Short commit of the working tree, or "unknown" outside a checkout."""
-    root = Path(__file__).resolve().parents[2]
-    try:
-        answer = subprocess.run(["git", "rev-parse", "--short", "HEAD"], cwd=root, capture_output=True, text=True, check=True)
-    except (OSError, subprocess.CalledProcessError):
-        return "unknown"
-    return answer.stdout.strip()
 
 
 def main(arguments: list[str] | None = None) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from control.force_signals import Signals
+from control.estimation.networks.force_signals import Signals
 
 SCHEMA = 1
 SPLITS = ("train", "validation", "test")

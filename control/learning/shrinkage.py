@@ -1,6 +1,7 @@
 """How far a correction is trusted: the noise of Wiener's gain, chosen on validation so that learning harms no kind of rollout.
 
-A correction c is shrunk by c^2 / (c^2 + noise^2) (control.network_weights). More noise means less correction: less gained where
+A correction c is shrunk by c^2 / (c^2 + noise^2) (control.estimation.networks.force_network). More noise
+means less correction: less gained where
 the network is right, less lost where it is wrong.
 """
 

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from control.force_features import HYBRID_GROUPS, HYBRID_INCREMENT_GROUPS, PAPER_GROUPS
+from control.estimation.networks.force_features import HYBRID_GROUPS, HYBRID_INCREMENT_GROUPS, PAPER_GROUPS
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,10 +1,10 @@
-"""The network of control.residual_tcn as a PyTorch module for training: same parameters, same function, batched."""
+"""Residual TCN (control.estimation.networks.residual_tcn) as a PyTorch module for training: same parameters, batched."""
 
 import torch
 from torch import nn
 from torch.nn import functional
 
-from control.residual_tcn import BlockTaps, TcnShape, block_taps, tap_rows
+from control.estimation.networks.residual_tcn import BlockTaps, TcnShape, block_taps, tap_rows
 
 
 class CausalBlock(nn.Module):
@@ -32,7 +32,7 @@ class CausalBlock(nn.Module):
 
 
 class TcnModule(nn.Module):
-    """Residual force network, paper Sec. II.E. Its state_dict is what `control.residual_tcn.ResidualTcn` takes."""
+    """Residual force network, paper Sec. II.D. Its state_dict is what `residual_tcn.ResidualTcn` takes."""
 
     def __init__(self, shape: TcnShape, dropout: float = 0.1) -> None:
         super().__init__()

@@ -5,11 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
-from control.force_features import features, increment_columns
+from control.estimation.networks.force_features import features, increment_columns
+from control.estimation.networks.force_network import NORMALIZED_LIMIT
 from control.learning.rollout_bias import rollout_bias
 from control.learning.rollout_data import SETTLE_STEPS, DatasetError, Rollout
 from control.learning.targets import TrainingTarget
-from control.network_weights import NORMALIZED_LIMIT
 
 
 @dataclass(frozen=True, slots=True)

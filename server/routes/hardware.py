@@ -8,9 +8,9 @@ from fastapi import APIRouter, Response
 from server.dependencies import TheOperator
 from server.responses import answers, json_response
 from server.schemas import DriveRequest
+from sim.backends.hardware.backend import HONESTY
 from sim.backends.hardware.states import allowed_requests
 from sim.backends.hardware.status import HardwareStatus
-from sim.backends.hardware_backend import HONESTY
 
 router = APIRouter(prefix="/api/v1/hardware", tags=["hardware"])
 

@@ -13,11 +13,11 @@ from pathlib import Path
 
 import numpy as np
 
-from control.weights_file import WEIGHTS_DIRECTORY
+from control.paths import WEIGHTS_DIRECTORY
 from sim.benchmarks.estimator import add_workers
-from sim.benchmarks.policy_trials import DragResult, TrialSetup, controller_setups, drag_box
 from sim.benchmarks.report import Report, Row, argument_parser, at_most
-from sim.executors import map_unordered
+from sim.processes.executors import map_unordered
+from sim.trials.policy_trials import DragResult, TrialSetup, controller_setups, drag_box
 
 MASS_SCALES = (0.8, 1.0, 1.2)
 TRAVEL_M = 0.2

@@ -12,9 +12,9 @@ from pathlib import Path
 import numpy as np
 
 from control.pipeline import PipelineConfig
-from sim.benchmarks.control_trials import Tracking, Trial, random_run
-from sim.benchmarks.guidance_trials import LeadResult, lead, rest_drift
 from sim.benchmarks.report import Report, Row, argument_parser, at_least, at_most
+from sim.trials.control_trials import Tracking, Trial, random_run
+from sim.trials.guidance_trials import LeadResult, lead, rest_drift
 
 AXES = ("x", "y", "z")
 

@@ -18,8 +18,8 @@ from sim.benchmarks.estimator_plots import plot_bars, plot_force_over_time
 from sim.benchmarks.estimator_rows import Cell, cell_bars, cell_rows, coverage_bars
 from sim.benchmarks.estimator_trials import Trial, draw_plan, run_trial
 from sim.benchmarks.report import Report, argument_parser
-from sim.executors import map_unordered
-from sim.rollout_plans import EVALUATION_PROFILES, MASS_SCALES, RolloutPlan
+from sim.processes.executors import map_unordered
+from sim.trials.rollout_plans import EVALUATION_PROFILES, MASS_SCALES, RolloutPlan
 
 DURATION_S = 20.0
 QUICK_DURATION_S = 4.0

@@ -7,16 +7,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from control.adaptive_estimator import AdaptiveConfig, AdaptiveEstimator
-from control.force_estimators import EstimatorsConfig
-from control.gmo_estimators import GmoConstrained
-from control.model_adaptation import ModelAdaptationConfig
-from control.momentum_observer import FAST_GAINS, PAPER_GAINS, SLOPE_GAINS, ObserverGains
-from control.momentum_residual import MomentumResidual
-from control.projecting_estimator import ProjectingEstimator, estimate_from_wrench
+from control.estimation.adaptive_estimator import AdaptiveConfig, AdaptiveEstimator
+from control.estimation.gmo_estimators import GmoConstrained
+from control.estimation.model_adaptation import ModelAdaptationConfig
+from control.estimation.momentum_observer import FAST_GAINS, PAPER_GAINS, SLOPE_GAINS, ObserverGains
+from control.estimation.momentum_residual import MomentumResidual
+from control.estimation.projecting_estimator import ProjectingEstimator, estimate_from_wrench
+from control.estimation.registry import EstimatorsConfig
+from control.estimation.wrench_projection import ProjectionWeights, build_wrench_problem, solve_positive_definite
 from control.robot_model import RobotModel
 from control.types import ForceEstimate
-from control.wrench_projection import ProjectionWeights, build_wrench_problem, solve_positive_definite
 
 _NO_SPREAD = 1e-4
 """A prior this narrow holds a scale where it is, against all data of a rollout."""

@@ -20,8 +20,8 @@ from sim.benchmarks.estimator_contact_trials import ContactPlan, ContactTrial, r
 from sim.benchmarks.estimator_plots import plot_estimates
 from sim.benchmarks.estimator_scores import coverage, mean_and_deviation
 from sim.benchmarks.report import Report, Row, argument_parser, at_most
-from sim.executors import map_unordered
-from sim.rollout_plans import MASS_SCALES
+from sim.processes.executors import map_unordered
+from sim.trials.rollout_plans import MASS_SCALES
 
 BAR_N = 1.5
 QUICK_DURATION_S = 4.0

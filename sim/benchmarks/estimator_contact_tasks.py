@@ -12,7 +12,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from control.command import DEFAULT_COMMAND
+from control.command.limits import DEFAULT_COMMAND
 from control.types import Command
 from sim.scenes import SceneModel, assemble
 

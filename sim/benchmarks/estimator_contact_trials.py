@@ -5,15 +5,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from control.joints import LEGS
-from sim.backends.mujoco_backend import MujocoBackend
+from sim.backends.simulation.mismatch import Mismatch
+from sim.backends.simulation.mujoco_backend import MujocoBackend
+from sim.backends.simulation.sensors import SensorConfig
 from sim.benchmarks.estimator_contact_tasks import DURATION_S, TASKS
 from sim.benchmarks.estimator_panel import SAMPLE_TICKS, EstimatorPanel
 from sim.benchmarks.estimator_scores import Scores
-from sim.mismatch import Mismatch
-from sim.rollout_profiles import rms_force
-from sim.rollout_runner import RejectedError, drive, rollout_pipeline
 from sim.scenes import SceneModel
-from sim.sensors import SensorConfig
+from sim.trials.rollout_profiles import rms_force
+from sim.trials.rollout_runner import RejectedError, drive, rollout_pipeline
 
 AFTER_TOUCH_S = 0.3
 """Scored from here after the first touch to the end, with and without contact."""

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from control.force_estimator import EstimatorInput, ForceEstimator
-from control.force_estimators import EstimatorsConfig, make_estimators
+from control.estimation.force_estimator import EstimatorInput, ForceEstimator
+from control.estimation.registry import EstimatorsConfig, make_estimators
 from control.frames import rotation_from_quaternion
 from control.pipeline import TICK_S
 from control.robot_model import RobotModel

@@ -24,7 +24,7 @@ from sim.benchmarks.estimator_robustness_trials import (
 )
 from sim.benchmarks.estimator_scores import coverage, mean_and_deviation
 from sim.benchmarks.report import Report, Row, argument_parser
-from sim.executors import map_unordered
+from sim.processes.executors import map_unordered
 
 QUICK_DURATION_S = 4.0
 

@@ -6,18 +6,18 @@ from dataclasses import dataclass, replace
 import mujoco
 import numpy as np
 
-from control.command import DEFAULT_COMMAND
+from control.command.limits import DEFAULT_COMMAND
 from control.joints import LEGS
 from control.pipeline import TICK_S
 from control.types import Command
-from sim.backends.mujoco_backend import MujocoBackend
+from sim.backends.simulation.mujoco_backend import MujocoBackend
 from sim.benchmarks.estimator_panel import PERIOD_S, EstimatorPanel
 from sim.benchmarks.estimator_scores import Scores
 from sim.benchmarks.estimator_trials import draw_plan, watch
-from sim.rollout_plans import RolloutPlan
-from sim.rollout_profiles import SampledForce
-from sim.rollout_runner import RolloutRunner, first_accepted
 from sim.scenes import SceneModel, assemble
+from sim.trials.rollout_plans import RolloutPlan
+from sim.trials.rollout_profiles import SampledForce
+from sim.trials.rollout_runner import RolloutRunner, first_accepted
 
 TORQUE_SCALE_STD = 0.05
 TORQUE_DELAY_TICKS = 5

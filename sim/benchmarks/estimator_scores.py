@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from control.momentum_observer import MomentumObserver, ObserverGains
+from control.estimation.momentum_observer import MomentumObserver, ObserverGains
 
 
 @dataclass(frozen=True, slots=True)

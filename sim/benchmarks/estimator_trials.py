@@ -9,16 +9,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from control.force_estimators import EstimatorsConfig
-from control.momentum_observer import ObserverGains
+from control.estimation.momentum_observer import ObserverGains
+from control.estimation.registry import EstimatorsConfig
 from control.pipeline import TICK_S
-from sim.backends.mujoco_backend import MujocoBackend
+from sim.backends.simulation.mujoco_backend import MujocoBackend
 from sim.benchmarks.estimator_ablations import Ablation
 from sim.benchmarks.estimator_panel import SAMPLE_TICKS, EstimatorPanel
 from sim.benchmarks.estimator_scores import Scores, lag_only_error
-from sim.rollout_plans import EVALUATION_FORCE_SCALES, PER_LINK_RANGE, RolloutPlan
-from sim.rollout_profiles import rms_force, rms_slope
-from sim.rollout_runner import ATTEMPTS, RolloutRunner, first_accepted, planned_force
+from sim.trials.rollout_plans import EVALUATION_FORCE_SCALES, PER_LINK_RANGE, RolloutPlan
+from sim.trials.rollout_profiles import rms_force, rms_slope
+from sim.trials.rollout_runner import ATTEMPTS, RolloutRunner, first_accepted, planned_force
 
 SETTLE_S = 1.0
 """Not scored: observers start at rest."""
@@ -75,7 +75,7 @@ def draw_plan(seed: int, number: int, profile: str, mass_scale: float, links: Se
 
 
 def run_trial(plan: RolloutPlan, ablations: Sequence[Ablation] = ()) -> Trial:
-    """Play `plan`; a rejected attempt is drawn again, see sim.rollout_runner."""
+    """Play `plan`; a rejected attempt is drawn again, see sim.trials.rollout_runner."""
 
     def attempt(plan: RolloutPlan, seed: int) -> EstimatorPanel:
         return watch(RolloutRunner(plan, seed), plan, ablations)
@@ -104,7 +104,7 @@ def watch(
     """Run to the end with every estimator watching; scored from SETTLE_S on, where `is_scored`.
 
     Raises:
-        RejectedError: see sim.rollout_runner.
+        RejectedError: see sim.trials.rollout_runner.
     """
     panel = EstimatorPanel(runner.pipeline.model, plan.delay_ticks, ablations)
     for tick in runner.ticks():

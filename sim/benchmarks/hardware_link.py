@@ -24,12 +24,12 @@ import numpy as np
 
 from control.joints import DAMPING, NOMINAL_POSITION, STIFFNESS
 from control.types import JointCommand
-from sim.backends.hardware.command_limiter import stack
+from sim.backends.hardware.backend import HONESTY, HardwareBackend, unavailable_because
 from sim.backends.hardware.config import HardwareConfig
-from sim.backends.hardware.motions import MotionConfig
+from sim.backends.hardware.io.command_limiter import stack
+from sim.backends.hardware.io.motions import MotionConfig
 from sim.backends.hardware.robot import Robot
 from sim.backends.hardware.states import DriveState, Request
-from sim.backends.hardware_backend import HONESTY, HardwareBackend, unavailable_because
 from sim.backends.unitree.dds import DdsBaseLink, DdsConfig
 from sim.backends.unitree.driver import BaseDriver
 from sim.backends.unitree.messages import LowState
@@ -38,7 +38,7 @@ from sim.benchmarks.hardware_probe import Watch, run
 from sim.benchmarks.report import Report, argument_parser, at_least, at_most
 from sim.emulator.memory_link import MemoryBaseLink, MemoryWire
 from sim.emulator.process import free_udp_port
-from sim.realtime import request_realtime
+from sim.processes.realtime import request_realtime
 
 _TICK_S = 0.002
 FIFO_PRIORITY = 20

@@ -16,7 +16,7 @@ from sim.backends.unitree.messages import LowCommand
 from sim.backends.unitree.motors import used_slots
 from sim.emulator.arm_controller import ArmPorts
 from sim.emulator.emulator import Emulator, EmulatorConfig
-from sim.realtime import request_realtime
+from sim.processes.realtime import request_realtime
 
 FIFO_PRIORITY = 25
 

@@ -15,15 +15,15 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import mujoco
 import numpy as np
 
-from control.command import DEFAULT_COMMAND
+from control.command.limits import DEFAULT_COMMAND
 from control.joints import JOINT_NAMES, NOMINAL_BASE_HEIGHT_M, NOMINAL_POSITION, WHEEL_JOINT_NAMES
 from control.pipeline import CONTROL_DECIMATION, TICK_S, PipelineConfig
 from control.robot_model import RobotModel
 from sim import scenes
 from sim.benchmarks.report import Report, argument_parser, at_least, at_most
 from sim.benchmarks.server_process import ServerProcess, watch
-from sim.session import Session, SessionConfig
-from sim.snapshot import SNAPSHOT
+from sim.runtime.session import Session, SessionConfig
+from sim.runtime.snapshot import SNAPSHOT
 
 ESTIMATOR = "hybrid"
 WARM_UP_TICKS = 500

@@ -18,16 +18,16 @@ from pathlib import Path
 
 import numpy as np
 
-from control.controller import ControllerInput
-from control.momentum_observer import PAPER_GAINS
-from control.weights_file import WEIGHTS_DIRECTORY
+from control.estimation.momentum_observer import PAPER_GAINS
+from control.paths import WEIGHTS_DIRECTORY
+from control.whole_body.controller import ControllerInput
 from sim.benchmarks import policy_guidance
 from sim.benchmarks.estimator import add_workers
-from sim.benchmarks.guidance_trials import LeadResult
-from sim.benchmarks.policy_trials import ControllerTrial, Errors, TrialSetup, controller_setups, random_commands
 from sim.benchmarks.report import Report, Row, argument_parser, at_most
-from sim.executors import map_unordered
-from sim.policy_score import rms, settled_position_cm
+from sim.processes.executors import map_unordered
+from sim.trials.guidance_trials import LeadResult
+from sim.trials.policy_score import rms, settled_position_cm
+from sim.trials.policy_trials import ControllerTrial, Errors, TrialSetup, controller_setups, random_commands
 
 AXES = ("x", "y", "z")
 LEVELS_N = (10.0, 20.0)

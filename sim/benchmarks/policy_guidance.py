@@ -8,10 +8,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sim.benchmarks.guidance_trials import LeadResult, lead
-from sim.benchmarks.policy_trials import ControllerTrial, TrialSetup
 from sim.benchmarks.report import Bar, Row, at_most
-from sim.executors import map_unordered
+from sim.processes.executors import map_unordered
+from sim.trials.guidance_trials import LeadResult, lead
+from sim.trials.policy_trials import ControllerTrial, TrialSetup
 
 CASE = "guidance"
 ANGLES_DEG = tuple(range(0, 360, 45))

@@ -3,10 +3,7 @@
 import argparse
 import json
 import math
-import os
-import platform
 import shlex
-import subprocess
 import sys
 import time
 from collections.abc import Sequence
@@ -14,6 +11,8 @@ from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
+
+from control.provenance import commit, machine
 
 Row = dict[str, str | int | float | bool | None]
 
@@ -84,22 +83,6 @@ class Report:
             }
             json_path.parent.mkdir(parents=True, exist_ok=True)
             json_path.write_text(json.dumps(content, indent=1) + "\n")
-
-
-def commit() -> str:
-    """Short git commit of the working tree, with "+" when it has local changes, or "unknown" outside a checkout."""
-    root = Path(__file__).resolve().parents[2]
-    try:
-        head = subprocess.run(["git", "rev-parse", "--short", "HEAD"], cwd=root, capture_output=True, text=True, check=True)
-        status = subprocess.run(["git", "status", "--porcelain"], cwd=root, capture_output=True, text=True, check=True)
-    except (OSError, subprocess.CalledProcessError):
-        return "unknown"
-    return head.stdout.strip() + ("+" if status.stdout.strip() else "")
-
-
-def machine() -> str:
-    """What the numbers were taken on."""
-    return f"{platform.system()} {platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}"
 
 
 def format_table(rows: Sequence[dict[str, Any]]) -> str:

@@ -17,7 +17,8 @@ from typing import Any
 import msgspec
 import websockets
 
-ROOT = Path(__file__).resolve().parents[2]
+from control.paths import ROOT
+
 _TICKS_PER_S = os.sysconf("SC_CLK_TCK")
 _CAMERA = {
     "type": "ViewerCameraMessage",

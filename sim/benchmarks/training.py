@@ -16,10 +16,10 @@ import numpy as np
 import torch
 
 from control.joints import JOINT_COUNT
-from control.learning.ppo import PpoConfig
+from control.learning.policy.ppo import PpoConfig
 from sim.benchmarks.report import Report, Row, argument_parser, at_least
-from sim.policy_training import PolicyTrainingConfig, make_learner
-from sim.training_env import TrainingEnv, TrainingEnvConfig
+from sim.training.env import TrainingEnv, TrainingEnvConfig
+from sim.training.policy_training import PolicyTrainingConfig, make_learner
 
 
 def measure(count: int, seed: int, turns: int) -> Row:

@@ -20,7 +20,7 @@ from sim.emulator.arm_controller import ArmPorts
 from sim.emulator.base_board import DEFAULT_MODE
 from sim.emulator.emulator import Emulator, EmulatorConfig
 from sim.emulator.orders import obey
-from sim.realtime import request_realtime
+from sim.processes.realtime import request_realtime
 
 FIFO_PRIORITY = 25
 """A robot's board is never late because of another program on this machine."""

@@ -9,12 +9,12 @@ import numpy as np
 
 from control.joints import JOINT_COUNT
 from control.types import JointCommand
+from sim.backends.simulation.sensors import SensorConfig
 from sim.backends.unitree.link import RobotLink
 from sim.emulator.arm_controller import ArmController, ArmPorts
 from sim.emulator.base_board import DEFAULT_MODE, BaseBoard
 from sim.emulator.faults import Faults
 from sim.emulator.physics import STEP_S, RobotBody
-from sim.sensors import SensorConfig
 
 RESEND_S = 0.05
 _BEHIND_S = 0.1

@@ -1,7 +1,7 @@
 """What an emulator is told while it runs, one JSON object per line.
 
 {"freeze": true}                                            faults by name: see sim.emulator.faults
-{"push": {"force_n": [15, 0, 0], "duration_s": 2}}          a wrench on the hand: fields of sim.wrenches.Pulse
+{"push": {"force_n": [15, 0, 0], "duration_s": 2}}          a wrench on the hand: fields of wrenches.Pulse
 {"report": true}                                            answered by one line: see `report`
 """
 
@@ -10,8 +10,8 @@ from collections.abc import Callable
 from typing import Any
 
 from control.joints import JOINT_NAMES
+from sim.backends.simulation.wrenches import Pulse
 from sim.emulator.emulator import Emulator
-from sim.wrenches import Pulse
 
 
 def obey(emulator: Emulator, line: str, answer: Callable[[str], None]) -> None:

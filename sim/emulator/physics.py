@@ -4,8 +4,8 @@ import numpy as np
 
 from control.joints import ARM_SLICE, JOINT_COUNT, LEG_SLICE, NOMINAL_POSITION, TORQUE_LIMIT
 from control.types import JointCommand, SensorFrame
-from sim.backends.mujoco_backend import MujocoBackend
-from sim.sensors import SensorConfig
+from sim.backends.simulation.mujoco_backend import MujocoBackend
+from sim.backends.simulation.sensors import SensorConfig
 
 STEP_S = 0.002
 AMBIENT_C = 35.0

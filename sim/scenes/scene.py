@@ -2,12 +2,11 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 
 import mujoco
 import numpy as np
 
-ROBOT_MJCF = Path(__file__).resolve().parents[2] / "assets" / "robot" / "robot.xml"
+from control.paths import ROBOT_MJCF
 
 DRY_FRICTION_SOLIMP = (0.99, 0.999, 0.001, 0.5, 2.0)
 """Constraint impedance of dry joint friction that really holds: MuJoCo's default one creeps under load."""

@@ -9,7 +9,8 @@ import pytest
 
 from control.frames import rotation_from_quaternion
 from control.joints import JOINT_COUNT, JOINT_NAMES, LEGS, WHEEL_HALF_WIDTH_M, WHEEL_RADIUS_M
-from control.robot_model import ROBOT_MJCF, RobotModel, RobotModelError
+from control.paths import ROBOT_MJCF
+from control.robot_model import RobotModel, RobotModelError
 
 TOLERANCE = 1e-9
 SEEDS = range(12)

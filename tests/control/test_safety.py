@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from control.command import DEFAULT_COMMAND
+from control.command.limits import DEFAULT_COMMAND
 from control.joints import (
     ARM_SLICE,
     DAMPING,

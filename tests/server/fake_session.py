@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from control.command import DEFAULT_COMMAND
-from sim.backends.mujoco_backend import MujocoBackend
+from control.command.limits import DEFAULT_COMMAND
 from sim.backends.protocol import BackendError
-from sim.session import SessionConfig
-from sim.snapshot import Mode, command_from_record
+from sim.backends.simulation.mujoco_backend import MujocoBackend
+from sim.runtime.session import SessionConfig
+from sim.runtime.snapshot import Mode, command_from_record
 
 
 class FakeSession:

@@ -11,8 +11,8 @@ from fake_session import FakeSession, failing_session
 from server.control_client import MAX_PENDING, ControlClient
 from server.control_process import ControlLaunch
 from server.errors import ControlDeadError, ControlTimeoutError, InvalidFieldError, MissingError, RefusedError, ServerError
-from sim.session import SessionConfig
-from sim.snapshot import Mode
+from sim.runtime.session import SessionConfig
+from sim.runtime.snapshot import Mode
 
 
 def eventually(condition: Callable[[], bool]) -> None:

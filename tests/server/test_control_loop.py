@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 from fake_session import FakeSession
 
-from control.command import DEFAULT_COMMAND
+from control.command.limits import DEFAULT_COMMAND
 from server.control_loop import PUBLISH_EVERY, ControlLoop
 from server.messages import Close, Event, Outcome, Reply
 from server.pacing import Pacer
-from sim import shared_record
-from sim.shared_record import SharedRecord
-from sim.snapshot import SETPOINT, SNAPSHOT, Mode
+from sim.processes import shared_record
+from sim.processes.shared_record import SharedRecord
+from sim.runtime.snapshot import SETPOINT, SNAPSHOT, Mode
 
 CONTEXT = multiprocessing.get_context("spawn")
 

@@ -7,7 +7,7 @@ import pytest
 
 from control.safety import Fault
 from server.state import SECTIONS, encode, estimator_errors, state_json
-from sim.snapshot import SNAPSHOT, Mode
+from sim.runtime.snapshot import SNAPSHOT, Mode
 
 
 @pytest.fixture

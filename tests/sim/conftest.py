@@ -8,8 +8,8 @@ import pytest
 
 from control.joints import DAMPING, JOINT_COUNT, JOINT_NAMES, LEGS, NOMINAL_POSITION, STIFFNESS
 from control.types import JointCommand
-from sim.backends.mujoco_backend import MujocoBackend
-from sim.sensors import SensorConfig
+from sim.backends.simulation.mujoco_backend import MujocoBackend
+from sim.backends.simulation.sensors import SensorConfig
 
 
 def gravity_torque(backend: MujocoBackend) -> np.ndarray:

@@ -9,9 +9,9 @@ import pytest
 from control.learning.rollout_data import PERIOD_S, SPLITS, column_sizes, load_split
 from control.robot_model import RobotModel
 from sim.collect_dataset import CollectionError, collect
-from sim.executors import ExecutorError, map_unordered
-from sim.rollout_plans import RolloutPlan, plan_rollouts
-from sim.rollout_profiles import (
+from sim.processes.executors import ExecutorError, map_unordered
+from sim.trials.rollout_plans import RolloutPlan, plan_rollouts
+from sim.trials.rollout_profiles import (
     FORCE_LIMIT_N,
     HORIZONTAL_LIMIT_N,
     PROFILES,
@@ -21,8 +21,8 @@ from sim.rollout_profiles import (
     rms_slope,
     sampled_force,
 )
-from sim.rollout_recorder import manifest_entry, record_rollout
-from sim.rollout_runner import ATTEMPTS
+from sim.trials.rollout_recorder import manifest_entry, record_rollout
+from sim.trials.rollout_runner import ATTEMPTS
 
 LINKS = ("base", "arm_link1")
 
@@ -123,7 +123,7 @@ def test_springs_answer_motion() -> None:
 def test_a_rollout_that_falls_is_tried_again_and_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     plan = RolloutPlan(0, "train", seed=3, profile="hold", mass_scale=1.0, duration_s=0.2)
     assert record_rollout(plan).rejected == ()
-    monkeypatch.setattr("sim.rollout_runner.MINIMUM_HEIGHT_M", 1.0)
+    monkeypatch.setattr("sim.trials.rollout_runner.MINIMUM_HEIGHT_M", 1.0)
     recording = record_rollout(plan)
     assert recording.rejected == ("fall",) * ATTEMPTS
     assert not recording.arrays and manifest_entry(recording, "")["rejected"] == ["fall"] * ATTEMPTS

@@ -7,9 +7,9 @@ import pytest
 import viser
 from recording_sink import RecordingSink
 
-from control.command import DEFAULT_COMMAND
+from control.command.limits import DEFAULT_COMMAND
 from control.joints import NOMINAL_BASE_HEIGHT_M, NOMINAL_POSITION
-from sim.snapshot import SNAPSHOT, command_to_record
+from sim.runtime.snapshot import SNAPSHOT, command_to_record
 
 
 @pytest.fixture

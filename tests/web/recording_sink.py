@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from control.command import CommandLimits
+from control.command.limits import CommandLimits
 from sim.backends.hardware.status import HardwareStatus
 
 

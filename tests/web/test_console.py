@@ -9,7 +9,7 @@ import websockets.sync.client
 from recording_sink import RecordingSink
 from viser import __version__ as viser_version
 
-from sim.snapshot import Mode
+from sim.runtime.snapshot import Mode
 from web.console import Console
 
 

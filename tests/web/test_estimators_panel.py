@@ -4,7 +4,7 @@ import numpy as np
 import viser
 from recording_sink import RecordingSink
 
-from sim.snapshot import MAX_ESTIMATORS
+from sim.runtime.snapshot import MAX_ESTIMATORS
 from web import theme
 from web.estimators_panel import UNAVAILABLE, EstimatorsPanel, estimators_html, legend_html
 

@@ -11,7 +11,7 @@ from control.joints import JOINT_NAMES
 from sim.backends.hardware.records import IO_STATE
 from sim.backends.hardware.states import REQUEST_NAMES, DriveState, Trip
 from sim.backends.hardware.status import HardwareStatus, status_from_record
-from sim.snapshot import Mode
+from sim.runtime.snapshot import Mode
 from web.alert import alert_text
 from web.hardware_panel import REQUESTS, HardwarePanel, backends_html, status_html
 

@@ -6,7 +6,7 @@ import viser
 from recording_sink import RecordingSink
 
 from control.safety import Fault
-from sim.snapshot import Mode
+from sim.runtime.snapshot import Mode
 from web.alert import alert_text
 from web.command_panel import CommandPanel, reachable
 from web.setup_panel import SetupPanel

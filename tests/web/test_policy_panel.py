@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import viser
 
-from control.observation import EXTENDED_FORM, PAPER_FORM, RESIDUAL_FORM, Observation
-from sim.snapshot import MAX_OBSERVATION
+from control.policy.observation import EXTENDED_FORM, PAPER_FORM, RESIDUAL_FORM, Observation
+from sim.runtime.snapshot import MAX_OBSERVATION
 from web.policy_panel import SPAN, PolicyPanel, bars_svg, policy_html
 from web.theme import ESTIMATED
 

@@ -7,7 +7,7 @@ import viser
 
 from control.frames import quaternion_multiply, rotation_from_quaternion
 from control.joints import JOINT_NAMES
-from control.robot_model import ROBOT_MJCF
+from control.paths import ROBOT_MJCF
 from web.scene import VISUALS, BodyTree, Scene
 
 

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from control.joints import LEGS
-from control.robot_model import ROBOT_MJCF
+from control.paths import ROBOT_MJCF
 from web.cone_mesh import cone_mesh
 from web.theme import CONE, CONE_EXCEEDED
 from web.wheel_contacts import FRICTION_COEFFICIENT, METERS_PER_NEWTON, WheelContacts, outside_cone

@@ -3,13 +3,14 @@
 from pathlib import Path
 
 from control.joints import LEGS
+from control.paths import ASSETS
 from web.robot_visuals import arm, leg
 from web.robot_visuals.base import base_parts
 from web.robot_visuals.export import to_glb
 from web.robot_visuals.part import Part, mirrored
 from web.robot_visuals.wheel import wheel_parts
 
-VISUAL_FOLDER = Path(__file__).resolve().parents[2] / "assets" / "robot" / "visual"
+VISUAL_FOLDER = ASSETS / "robot" / "visual"
 BODY_NAMES = (
     "base",
     *(f"{name}_{link}" for name in LEGS for link in ("hip", "thigh", "calf", "wheel")),

@@ -4,8 +4,8 @@ import json
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
+from sim.backends.hardware.io.motions import MotionConfig
 from sim.backends.hardware.limits import HardwareLimits
-from sim.backends.hardware.motions import MotionConfig
 from sim.backends.unitree.dds import DdsConfig, RobotNetworkError
 from sim.backends.z1.driver import Z1Config
 

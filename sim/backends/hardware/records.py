@@ -17,7 +17,7 @@ from control.joints import JOINT_COUNT
 from sim.backends.hardware.config import HardwareConfig
 from sim.backends.hardware.robot import SENSOR_COUNT
 from sim.backends.protocol import BackendError
-from sim.shared_record import SharedRecord, size_of
+from sim.processes.shared_record import SharedRecord, size_of
 
 IO_TICK = np.dtype(
     [

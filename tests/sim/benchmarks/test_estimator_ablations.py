@@ -8,7 +8,7 @@ import pytest
 from sim.benchmarks.estimator_ablations import ABLATIONS, ADAPTIVE, GMO_CQP, Ablation
 from sim.benchmarks.estimator_scores import Scores
 from sim.benchmarks.estimator_trials import draw_plan, watch
-from sim.rollout_runner import RolloutRunner
+from sim.trials.rollout_runner import RolloutRunner
 
 SAME = tuple(replace(original, name=f"{original.name}: same") for original in (GMO_CQP, ADAPTIVE))
 

@@ -11,7 +11,7 @@ from sim.benchmarks.estimator_plots import plot_bars, plot_force_over_time
 from sim.benchmarks.estimator_rows import Cell, cell_bars, cell_rows, coverage_bars
 from sim.benchmarks.estimator_scores import Scores
 from sim.benchmarks.estimator_trials import Trial, draw_plan, run_trial
-from sim.rollout_runner import ATTEMPTS, RejectedError, RolloutRunner
+from sim.trials.rollout_runner import ATTEMPTS, RejectedError, RolloutRunner
 
 CELL = Cell("hold", 0.8, per_link=False)
 PLAN = draw_plan(3, 0, "hold", 1.0, (), duration_s=2.5)

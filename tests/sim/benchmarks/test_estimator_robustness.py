@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from control.momentum_observer import PAPER_GAINS
+from control.estimation.momentum_observer import PAPER_GAINS
 from control.pipeline import TICK_S
 from sim.benchmarks.estimator_panel import PERIOD_S, SAMPLE_TICKS
 from sim.benchmarks.estimator_robustness import case_rows
@@ -22,7 +22,7 @@ from sim.benchmarks.estimator_robustness_trials import (
 )
 from sim.benchmarks.estimator_scores import lag_only_error
 from sim.benchmarks.estimator_trials import draw_plan
-from sim.rollout_runner import RolloutRunner
+from sim.trials.rollout_runner import RolloutRunner
 
 NUMBER = {case.name: number for number, case in enumerate(CASES)}
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from control.momentum_observer import FAST_GAINS, PAPER_GAINS, SLOPE_GAINS, ObserverGains
+from control.estimation.momentum_observer import FAST_GAINS, PAPER_GAINS, SLOPE_GAINS, ObserverGains
 from control.pipeline import TICK_S
 from sim.benchmarks.estimator_scores import Scores, coverage, lag_only_error, mean_and_deviation
 

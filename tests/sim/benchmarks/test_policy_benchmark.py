@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from sim.benchmarks.box_drag import summary as box_summary
-from sim.benchmarks.guidance_trials import LeadResult
 from sim.benchmarks.policy import LEVELS_N, Piece, cases, mask_rows, pieces, play, summary
 from sim.benchmarks.policy_guidance import guidance_bars
-from sim.benchmarks.policy_trials import DragResult, Errors, TrialSetup, controller_setups
+from sim.trials.guidance_trials import LeadResult
+from sim.trials.policy_trials import DragResult, Errors, TrialSetup, controller_setups
 
 
 def one_sample(mask: str, level: float, error: float) -> Errors:

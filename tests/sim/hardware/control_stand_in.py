@@ -11,9 +11,9 @@ import numpy as np
 
 from control.joints import DAMPING, NOMINAL_POSITION, STIFFNESS
 from control.types import JointCommand
+from sim.backends.hardware.backend import HardwareBackend
 from sim.backends.hardware.config import HardwareConfig
 from sim.backends.hardware.states import DriveState, Request
-from sim.backends.hardware_backend import HardwareBackend
 
 NEXT = {DriveState.OBSERVE: Request.ENGAGE, DriveState.DAMPED: Request.STAND, DriveState.READY: Request.START}
 

@@ -5,11 +5,11 @@ from collections.abc import Callable
 from control.robot_model import RobotModel
 from control.types import JointCommand
 from sim.backends.hardware.config import HardwareConfig
+from sim.backends.hardware.io.motions import MotionConfig
+from sim.backends.hardware.io.supervisor import ControlInput, Supervisor
 from sim.backends.hardware.limits import HardwareLimits
-from sim.backends.hardware.motions import MotionConfig
 from sim.backends.hardware.robot import Robot
 from sim.backends.hardware.states import DriveState, Request
-from sim.backends.hardware.supervisor import ControlInput, Supervisor
 from sim.backends.unitree.messages import LowCommand
 from sim.backends.unitree.motors import used_slots
 from sim.backends.z1.driver import Z1Config

@@ -16,10 +16,10 @@ pytest.importorskip("cyclonedds", reason="extra 'hardware' is not installed")
 
 from control.joints import DAMPING, NOMINAL_POSITION, STIFFNESS
 from control.types import JointCommand
-from sim.backends.hardware.command_limiter import stack
+from sim.backends.hardware.backend import unavailable_because
+from sim.backends.hardware.io.command_limiter import stack
 from sim.backends.hardware.limits import HardwareLimits
 from sim.backends.hardware.robot import Robot
-from sim.backends.hardware_backend import unavailable_because
 from sim.backends.protocol import BackendError
 from sim.backends.unitree.dds import DdsBaseLink, DdsConfig, RobotNetworkError
 from sim.backends.unitree.mode_release import ModeRelease

@@ -11,7 +11,7 @@ from hardware_rig import Rig
 
 from control.joints import JOINT_NAMES, TORQUE_LIMIT
 from control.types import JointCommand
-from sim.backends.hardware.io_loop import IoLoop
+from sim.backends.hardware.io.loop import IoLoop
 from sim.backends.hardware.records import IoMemory
 from sim.backends.hardware.states import DriveState, Request, Trip
 from sim.emulator.base_board import COMMAND_TIMEOUT_S

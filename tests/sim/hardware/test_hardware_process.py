@@ -19,12 +19,12 @@ from hardware_rig import BRISK
 
 pytest.importorskip("cyclonedds", reason="extra 'hardware' is not installed")
 
+from sim.backends.hardware.backend import HardwareBackend
 from sim.backends.hardware.config import HardwareConfig
 from sim.backends.hardware.limits import HardwareLimits
 from sim.backends.hardware.records import IoMemory, memory_path
 from sim.backends.hardware.remote import HardwareRemote
 from sim.backends.hardware.states import DriveState, Request, Trip
-from sim.backends.hardware_backend import HardwareBackend
 from sim.backends.protocol import BackendError
 from sim.backends.unitree.dds import DdsConfig, DdsRobotLink
 from sim.backends.z1.driver import Z1Config
@@ -198,7 +198,7 @@ def test_signals(stage: Stage) -> None:
 def test_one_writer_only(stage: Stage) -> None:
     stage.drive()
     second = subprocess.run(
-        [sys.executable, "-m", "sim.backends.io_process", "--config", stage.config.to_json()],
+        [sys.executable, "-m", "sim.backends.hardware.io.process", "--config", stage.config.to_json()],
         cwd=ROOT,
         capture_output=True,
         text=True,

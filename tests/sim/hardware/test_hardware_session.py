@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from hardware_rig import Rig
 
-from control.command import DEFAULT_COMMAND
+from control.command.limits import DEFAULT_COMMAND
 from control.types import Command, JointCommand
-from sim.backends.hardware.io_loop import IoLoop
+from sim.backends.hardware.backend import HardwareBackend
+from sim.backends.hardware.io.loop import IoLoop
 from sim.backends.hardware.records import IoMemory
 from sim.backends.hardware.states import DriveState
-from sim.backends.hardware_backend import HardwareBackend
-from sim.hardware_session import HardwareSession
-from sim.session import SessionError
-from sim.snapshot import SNAPSHOT, Mode
+from sim.runtime.hardware_session import HardwareSession
+from sim.runtime.session import SessionError
+from sim.runtime.snapshot import SNAPSHOT, Mode
 
 
 class LockstepBackend(HardwareBackend):

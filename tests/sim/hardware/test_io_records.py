@@ -10,12 +10,12 @@ import pytest
 from hardware_rig import Rig
 
 from sim.backends.hardware.config import HardwareConfig
-from sim.backends.hardware.io_loop import HEALTH_EVERY, IoLoop
+from sim.backends.hardware.io.loop import HEALTH_EVERY, IoLoop
+from sim.backends.hardware.io.writer_lock import WriterLock
 from sim.backends.hardware.limits import HardwareLimits
 from sim.backends.hardware.records import IO_COMMAND, IO_STATE, IoMemory, lock_path, memory_path
 from sim.backends.hardware.states import DriveState, Request, Trip
 from sim.backends.hardware.status import HardwareStatus, status_from_record
-from sim.backends.hardware.writer_lock import WriterLock
 from sim.backends.protocol import BackendError
 from sim.backends.unitree.dds import DdsConfig, RobotNetworkError
 from sim.backends.z1.driver import Z1Config
@@ -100,7 +100,7 @@ def test_the_estop_byte_is_taken_once(rig: Rig, tmp_path: Path) -> None:
 
 def test_the_lock_is_exclusive_and_dies_with_its_holder(tmp_path: Path) -> None:
     path = tmp_path / "lock"
-    code = "from pathlib import Path; from sim.backends.hardware.writer_lock import WriterLock; import sys, time\n"
+    code = "from pathlib import Path; from sim.backends.hardware.io.writer_lock import WriterLock; import sys, time\n"
     code += f"lock = WriterLock(Path({str(path)!r})); sys.stdout.write('held'); sys.stdout.flush(); time.sleep(60)"
     with subprocess.Popen([sys.executable, "-c", code], cwd=ROOT, stdout=subprocess.PIPE) as holder:
         assert holder.stdout is not None and holder.stdout.read(4) == b"held"

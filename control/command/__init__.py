@@ -1,0 +1,1 @@
+"""What the operator asks: limits, filter, guidance and the tip-over limit."""

@@ -1,0 +1,1 @@
+"""From sensors to base state and hand force."""

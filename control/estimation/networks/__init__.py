@@ -1,0 +1,1 @@
+"""Networks that correct the model-based force estimate."""

@@ -1,0 +1,74 @@
+"""Force estimators with a network: the paper's `tcn` and `hybrid_paper`, and our `hybrid`, eqs. (12)-(15).
+
+The model-based part runs at 500 Hz, the network at 50 Hz; in between its last correction holds.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from control.estimation.force_estimator import EstimatorInput
+from control.estimation.networks.force_network import ForceNetwork
+from control.estimation.networks.force_signals import signals_at
+from control.estimation.projecting_estimator import ProjectingEstimator
+from control.types import ForceEstimate
+
+FIRST_STEP_LEAD_TICKS = 2
+"""By how much the second step of a network comes early."""
+
+
+class LearnedEstimator:
+    """A network on the signals of a model-based estimator, which it corrects or, for `tcn`, replaces.
+
+    The model-based estimator may be one that also runs by itself: it ignores a tick that it has already seen.
+    """
+
+    def __init__(self, nominal: ProjectingEstimator, network: ForceNetwork, period_s: float) -> None:
+        """`period_s` is the tick length; the network's own period comes from its manifest."""
+        self._nominal = nominal
+        self._network = network
+        self._ticks_per_step = round(network.manifest.period_s / period_s)
+        self._corrects = network.manifest.nominal is not None
+        self.reset()
+
+    def set_gains(self, k1: float, k2: float) -> None:
+        """Change the gains of the model-based estimator. The network was trained with the default ones.
+
+        Raises:
+            ValueError: a gain is not positive and finite.
+        """
+        self._nominal.set_gains(k1, k2)
+
+    def reset(self) -> None:
+        """Forget the past."""
+        self._nominal.reset()
+        self._network.reset()
+        self._inputs: EstimatorInput | None = None
+        self._ticks_since_step = self._ticks_per_step
+        self._started = False
+        self._force = np.zeros(3)
+        self._sigma: np.ndarray | None = None
+
+    def observe(self, inputs: EstimatorInput) -> None:
+        """Take in one 500 Hz tick."""
+        self._nominal.observe(inputs)
+        self._inputs = inputs
+        self._ticks_since_step += 1
+
+    def estimate(self) -> ForceEstimate:
+        """Nominal force plus the correction, or the network's own force; wheel forces are the nominal ones.
+
+        Raises:
+            RuntimeError: nothing has been observed since the last reset.
+        """
+        nominal = self._nominal.estimate()
+        if self._inputs is None:
+            raise RuntimeError("no tick observed since the last reset; call observe before estimate")
+        if self._ticks_since_step >= self._ticks_per_step:
+            # An estimate at every tick begins with the controller's: the next step comes at a tick that has room for it.
+            self._ticks_since_step = 0 if self._started else FIRST_STEP_LEAD_TICKS
+            self._started = True
+            self._force, self._sigma = self._network.step(signals_at(self._inputs, self._nominal, nominal))
+        if self._corrects:
+            return replace(nominal, force_in_heading=nominal.force_in_heading + self._force, sigma_n=self._sigma)
+        return ForceEstimate(self._force.copy(), nominal.wheel_forces_in_heading, self._sigma, stale=nominal.stale)

@@ -1,0 +1,87 @@
+"""What the force estimators share: a momentum residual goes in, a wrench comes out, and a failed projection is said."""
+
+import math
+from abc import ABC, abstractmethod
+from dataclasses import replace
+
+import numpy as np
+
+from control.estimation.force_estimator import EstimatorInput
+from control.estimation.momentum_residual import MomentumResidual
+from control.estimation.wrench_projection import FORCE_ROWS, SUPPORT_ROWS, wrench_jacobian_in_heading
+from control.estimation.wrench_qp import WrenchProjectionError
+from control.frames import rotation_heading_to_world
+from control.joints import JOINT_COUNT, LEGS
+from control.types import ForceEstimate
+
+
+class ProjectingEstimator(ABC):
+    """Base of the estimators that project a momentum residual on contact wrenches.
+
+    Attributes:
+        unexplained: (28,) eps of eq. (10) at the last estimate, what no wrench explains of the residual that was projected.
+    """
+
+    def __init__(self, residual: MomentumResidual) -> None:
+        self._residual = residual
+        self._last: ForceEstimate | None = None
+        self._estimated: EstimatorInput | None = None
+        self.unexplained = np.zeros(6 + JOINT_COUNT)
+
+    @property
+    def residual(self) -> np.ndarray:
+        """(28,) r of the newest tick, generalized order. After the first tick only."""
+        return self._residual.residual
+
+    def set_gains(self, k1: float, k2: float) -> None:
+        """Change the observer gains, also for the estimators that share the observer.
+
+        Raises:
+            ValueError: a gain is not positive and finite.
+        """
+        self._residual.gains = self._residual.gains.retuned(k1, k2)
+
+    def reset(self) -> None:
+        """Forget the past; the next tick starts at rest equilibrium."""
+        self._residual.reset()
+        self._last = self._estimated = None
+        self.unexplained = np.zeros(6 + JOINT_COUNT)
+
+    def observe(self, inputs: EstimatorInput) -> None:
+        """Take in one 500 Hz tick."""
+        self._residual.observe(inputs)
+
+    def estimate(self) -> ForceEstimate:
+        """Project the newest residual, once per tick; where that fails, the last good estimate comes back marked stale.
+
+        Raises:
+            RuntimeError: nothing has been observed since the last reset.
+            WrenchProjectionError: the projection failed and there is no good estimate yet.
+        """
+        inputs, residual = self._residual.inputs, self._residual.residual
+        if self._last is not None and self._estimated is inputs:
+            return self._last
+        self._estimated = inputs
+        try:
+            if not math.isfinite(residual.sum()):
+                raise WrenchProjectionError(None, "the residual is not finite")
+            heading = rotation_heading_to_world(inputs.base.rotation_base_to_world)
+            self._last = self._project(wrench_jacobian_in_heading(inputs.model, heading), residual)
+        except WrenchProjectionError:
+            if self._last is None:
+                raise
+            self._last = replace(self._last, stale=True)
+        return self._last
+
+    @abstractmethod
+    def _project(self, jacobian: np.ndarray, residual: np.ndarray) -> ForceEstimate:
+        """The estimate from B^T (18, 28) with wrenches in heading and a finite r (28,).
+
+        Raises:
+            WrenchProjectionError: no solution.
+        """
+
+
+def estimate_from_wrench(wrench: np.ndarray) -> ForceEstimate:
+    """The forces in a stacked wrench (18,) in heading, eq. (12)."""
+    return ForceEstimate(wrench[FORCE_ROWS].copy(), wrench[SUPPORT_ROWS].reshape(len(LEGS), 3).copy())

@@ -1,0 +1,60 @@
+"""The force estimators that run side by side, by name."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from control.estimation.adaptive_estimator import AdaptiveConfig, AdaptiveEstimator
+from control.estimation.force_estimator import ForceEstimator
+from control.estimation.gmo_estimators import GmoConstrained, GmoPseudoInverse
+from control.estimation.momentum_observer import PAPER_GAINS, ObserverGains
+from control.estimation.momentum_residual import MomentumResidual
+from control.estimation.networks.learned_estimators import LearnedEstimator
+from control.estimation.networks.network_weights import load_network
+from control.estimation.wrench_projection import ProjectionWeights
+from control.estimation.wrench_qp import ContactConstraints
+from control.paths import WEIGHTS_DIRECTORY
+from control.robot_model import RobotModel
+
+MODEL_BASED_NAMES = ("gmo_pi", "gmo_cqp", "adaptive")
+LEARNED_NAMES = ("tcn", "hybrid_paper", "hybrid")
+
+
+@dataclass(frozen=True, slots=True)
+class EstimatorsConfig:
+    """Attributes:
+    period_s: tick length.
+    gmo_gains: of the observer that gmo_pi and gmo_cqp share, the paper's.
+    gmo_weights: W_q and R of gmo_cqp.
+    constraints: contact constraints of gmo_cqp.
+    adaptive: all of `adaptive`.
+    weights: folder with the networks of the learned estimators; None to run without them.
+    """
+
+    period_s: float = 0.002
+    gmo_gains: ObserverGains = PAPER_GAINS
+    gmo_weights: ProjectionWeights = field(default_factory=ProjectionWeights)
+    constraints: ContactConstraints = field(default_factory=ContactConstraints)
+    adaptive: AdaptiveConfig = field(default_factory=AdaptiveConfig)
+    weights: Path | None = WEIGHTS_DIRECTORY
+
+
+def make_estimators(model: RobotModel, config: EstimatorsConfig) -> dict[str, ForceEstimator]:
+    """The estimators by name, for inputs that carry `model`: MODEL_BASED_NAMES, then LEARNED_NAMES.
+
+    Raises:
+        WeightsError: weights are missing, damaged or do not fit.
+    """
+    shared = MomentumResidual(config.gmo_gains, config.period_s, with_friction=False)
+    constrained = GmoConstrained(shared, model, config.gmo_weights, config.constraints)
+    adaptive = AdaptiveEstimator(model, config.adaptive, config.period_s)
+    estimators: dict[str, ForceEstimator] = {
+        "gmo_pi": GmoPseudoInverse(shared),
+        "gmo_cqp": constrained,
+        "adaptive": adaptive,
+    }
+    if config.weights is not None:
+        for name in LEARNED_NAMES:
+            network = load_network(name, config.weights)
+            nominal = constrained if network.manifest.nominal == "gmo_cqp" else adaptive
+            estimators[name] = LearnedEstimator(nominal, network, config.period_s)
+    return estimators

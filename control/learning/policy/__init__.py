@@ -1,0 +1,1 @@
+"""Training of the policy: imitation and multi-critic PPO."""

@@ -1,0 +1,1 @@
+"""The learned whole-body policy: observation, action, actor."""

@@ -1,0 +1,1 @@
+"""The model-based whole-body controller, by body part."""

@@ -1,0 +1,136 @@
+"""The process that talks to the robot at 500 Hz and outlives everybody who tells it what to do.
+
+`python -m sim.backends.hardware.io.process --config JSON` is started by HardwareBackend in a session of its own.
+When control, policy or page die or fall silent it damps the robot; it ends by itself only when nobody controls and the
+robot lies at rest.
+
+Signals: SIGUSR1 is an e-stop. SIGTERM and SIGINT damp, wait until the robot is at rest (at most 5 s), and end.
+
+It wakes with every state of the robot. When states stop it ticks by its own clock, so that damping reaches the wire at 500 Hz.
+"""
+
+import argparse
+import ctypes
+import gc
+import logging
+import signal
+import sys
+import time
+from collections.abc import Sequence
+from typing import Any
+
+from control.robot_model import RobotModel
+from sim.backends.hardware.config import HardwareConfig
+from sim.backends.hardware.io.loop import IoLoop
+from sim.backends.hardware.io.supervisor import Supervisor
+from sim.backends.hardware.io.writer_lock import WriterLock
+from sim.backends.hardware.records import IoMemory, lock_path, memory_path
+from sim.backends.hardware.robot import Robot
+from sim.backends.hardware.states import DriveState, Trip
+from sim.backends.protocol import BackendError
+from sim.backends.unitree.dds import DdsBaseLink
+from sim.processes.realtime import request_realtime
+
+PERIOD_S = 0.002
+PATIENCE_S = 0.0035
+"""A state this late is not waited for: the tick goes ahead without it."""
+
+END_AFTER_S = 5.0
+FIFO_PRIORITY = 30
+EXIT_REFUSED = 3
+_LOCK_CURRENT_AND_FUTURE = 3
+
+_log = logging.getLogger("forcelens.io")
+
+
+class IoProcess:
+    """Pacing and ending of one IoLoop."""
+
+    def __init__(self, config: HardwareConfig) -> None:
+        """Raises BackendError when the robot is taken or its network cannot be used."""
+        self.config = config
+        self._lock = WriterLock(lock_path(config))
+        # Before the network, whose receiving thread inherits it: on a busy machine states would come late without.
+        self._realtime = request_realtime(FIFO_PRIORITY)
+        model = RobotModel()
+        robot = Robot(DdsBaseLink(config.base), config.arm, config.limits, config.dry_run, config.echo_tick)
+        supervisor = Supervisor(config, robot, model.position_lower, model.position_upper)
+        self._path = memory_path(config)
+        self.loop = IoLoop(config, robot, supervisor, IoMemory(self._path, create=True))
+        self._end_asked_s: float | None = None
+        self._idle_since_s: float | None = None
+
+    def run(self) -> None:
+        """Tick until told to end, or nobody needs it any more."""
+        signal.signal(signal.SIGUSR1, self._on_estop)
+        for number in (signal.SIGTERM, signal.SIGINT):
+            signal.signal(number, self._on_end)
+        _lock_memory()
+        gc.collect()
+        gc.freeze()
+        link = self.loop.robot.base.link
+        last = time.monotonic()
+        patience = PATIENCE_S
+        while True:
+            link.wait(last + patience - time.monotonic())
+            now = last = time.monotonic()
+            # Once states have stopped, its own clock keeps the rate.
+            patience = PATIENCE_S if self.loop.tick(now, self._realtime) else PERIOD_S
+            if self._finished(now):
+                break
+        self.loop.robot.close()
+        self._path.unlink(missing_ok=True)
+        self._lock.close()
+
+    def _finished(self, now: float) -> bool:
+        supervisor = self.loop.supervisor
+        quiet = supervisor.state in (DriveState.DISCONNECTED, DriveState.OBSERVE)
+        gone = now - self.loop.robot.base.received_s > self.config.limits.orphan_s
+        resting = quiet or self.config.dry_run or supervisor.at_rest or gone
+        if self._end_asked_s is not None:
+            return resting or now - self._end_asked_s > END_AFTER_S
+        orphaned = now - self.loop.control_heard_s > 1.0
+        settled = quiet or (supervisor.state in (DriveState.DAMPED, DriveState.FAULT) and resting)
+        if not (orphaned and settled):
+            self._idle_since_s = None
+            return False
+        if self._idle_since_s is None:
+            self._idle_since_s = now
+        return now - self._idle_since_s > self.config.limits.orphan_s
+
+    def _on_estop(self, *_: Any) -> None:
+        self.loop.signalled |= Trip.ESTOP
+
+    def _on_end(self, *_: Any) -> None:
+        self.loop.signalled |= Trip.SIGNAL
+        self.loop.ending = True
+        self._end_asked_s = time.monotonic()
+
+
+def _lock_memory() -> None:
+    try:
+        failed = ctypes.CDLL(None, use_errno=True).mlockall(_LOCK_CURRENT_AND_FUTURE)
+    except (OSError, AttributeError):
+        failed = True
+    if failed:
+        _log.info("memory is not locked; a page fault may delay a tick")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Entry point; returns the exit status."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--config", type=HardwareConfig.from_json, default=HardwareConfig(), help="HardwareConfig as JSON")
+    options = parser.parse_args(arguments)
+    logging.basicConfig(level=logging.INFO, format="%(name)s: %(levelname)s: %(message)s")
+    try:
+        process = IoProcess(options.config)
+    except BackendError as error:
+        _log.error("%s", error)
+        sys.stdout.write(str(error))  # for the process that started this one
+        return EXIT_REFUSED
+    process.run()
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,1 @@
+"""The MuJoCo backend: physics, sensors, external wrenches, mass mismatch and ground truth."""

@@ -1,0 +1,239 @@
+"""The simulated robot behind the Backend protocol: drives, sensors, scenes, mismatch, wrenches and ground truth.
+
+Drives: the actuators of the model become generic affine ones (gain 1, bias [0, -stiffness, -damping]), so that a JointCommand
+with any gains goes through MuJoCo's implicit integration: ctrl = stiffness q_d + damping dq_d + feed-forward torque.
+"""
+
+import math
+
+import mujoco
+import numpy as np
+
+from control.joints import JOINT_COUNT, JOINT_NAMES, NOMINAL_POSITION
+from control.types import JointCommand, SensorFrame
+from sim import scenes
+from sim.backends.protocol import BackendError, Capabilities, GroundTruth
+from sim.backends.simulation.ground_truth import GroundTruthReader
+from sim.backends.simulation.mismatch import Mismatch, NominalParameters
+from sim.backends.simulation.sensors import SensorConfig, SensorModel
+from sim.backends.simulation.wrenches import Spring, WrenchSources
+from sim.scenes import Primitive, SceneModel
+
+GRAVITY = 9.81
+DRAG_STIFFNESS = 150.0
+DRAG_DAMPING = 12.0
+DRAG_LIMIT_N = 40.0
+KEYFRAMES = {"stand": NOMINAL_POSITION}
+"""Postures (22,) that a reset can start from; the wheels just touch the ground."""
+
+
+class MujocoBackend:
+    """One robot in one scene. `read` and `write` as in sim.backends.protocol; the rest is for simulation only."""
+
+    capabilities = Capabilities(name="simulation", has_truth=True, is_simulation=True)
+
+    def __init__(self, scene: str | SceneModel = "free", sensors: SensorConfig | None = None, seed: int = 0) -> None:
+        """`scene` of sim.scenes.SCENE_NAMES, or one's own; `seed` draws the errors of the sensors, by default SensorConfig().
+
+        Raises:
+            ValueError: no scene has this name.
+        """
+        self._sensor_config = SensorConfig() if sensors is None else sensors
+        self._seed = seed
+        self._mismatch = Mismatch()
+        self._opened = False
+        self._load(scenes.build(scene) if isinstance(scene, str) else scene)
+
+    def open(self) -> None:
+        """Put the robot on its wheels."""
+        self._opened = True
+        self.reset()
+
+    def close(self) -> None:
+        """Stop; `open` starts anew."""
+        self._opened = False
+
+    def read(self) -> SensorFrame:
+        """The sensor frame of this tick, with the errors and delay of the sensor configuration."""
+        self._require_open()
+        return self._frame
+
+    def write(self, command: JointCommand) -> None:
+        """Drive the joints with `command` and advance the world by one tick.
+
+        Raises:
+            BackendError: the backend is not open, or the simulation diverged (cure: reset).
+        """
+        self._require_open()
+        model, data = self._model, self._data
+        model.actuator_biasprm[self._actuators, 1] = -command.stiffness
+        model.actuator_biasprm[self._actuators, 2] = -command.damping
+        data.ctrl[self._actuators] = command.stiffness * command.position + command.damping * command.velocity + command.torque
+        velocity_before = data.qvel[self._dofs]
+        self.wrenches.apply()
+        mujoco.mj_step(model, data)
+        if not math.isfinite(data.qvel.sum()):
+            raise BackendError("the simulation diverged; reset it")
+        self._update_kinematics()
+        torque = data.actuator_force[self._actuators]
+        # Implicit damping acts on the velocity at the end of the tick, except in a drive that is clipped at its limit.
+        free = np.abs(torque) < self._torque_limit
+        torque -= free * command.damping * (data.qvel[self._dofs] - velocity_before)
+        self._sense(torque)
+
+    def truth(self) -> GroundTruth:
+        """Ground truth at the end of the last tick; forces are those that acted during it."""
+        self._require_open()
+        return self._truth.read()
+
+    def reset(self, seed: int | None = None, keyframe: str = "stand") -> None:
+        """Back to time zero in a posture of KEYFRAMES, at rest, wheels just touching. Ends all wrenches; mismatch stays.
+
+        Args:
+            seed: draws the sensors' errors; None repeats those of the last reset.
+            keyframe: name in KEYFRAMES.
+
+        Raises:
+            ValueError: the keyframe is unknown.
+        """
+        if keyframe not in KEYFRAMES:
+            raise ValueError(f"no keyframe {keyframe!r}; the keyframes are {', '.join(KEYFRAMES)}")
+        self._seed = self._seed if seed is None else seed
+        model, data = self._model, self._data
+        mujoco.mj_resetData(model, data)
+        self.wrenches.clear()
+        data.qpos[self._positions] = KEYFRAMES[keyframe]
+        mujoco.mj_kinematics(model, data)
+        data.qpos[2] -= self._truth.lowest_wheel_points()[:, 2].min()
+        mujoco.mj_forward(model, data)
+        self._sensors = SensorModel(self._sensor_config, self._seed, model.opt.timestep)
+        self._imu_velocity = np.zeros(3)
+        self._sense(np.zeros(JOINT_COUNT))
+
+    @property
+    def model(self) -> mujoco.MjModel:
+        """The simulated robot and scene; for evaluation, never for the pipeline."""
+        return self._model
+
+    @property
+    def data(self) -> mujoco.MjData:
+        """State of the simulation; for evaluation, never for the pipeline."""
+        return self._data
+
+    @property
+    def time_s(self) -> float:
+        """Simulated time since the last reset."""
+        return float(self._data.time)
+
+    @property
+    def scene(self) -> str:
+        """Name of the scene."""
+        return self._scene.name
+
+    @property
+    def scene_primitives(self) -> tuple[Primitive, ...]:
+        """Geoms of everything but the robot, for drawing."""
+        return self._scene.primitives
+
+    @property
+    def movable_bodies(self) -> tuple[str, ...]:
+        """Names of the scene's movable bodies, in the order of GroundTruth.object_positions."""
+        return self._scene.movable_bodies
+
+    def set_scene(self, name: str) -> None:
+        """Load another scene and put the robot on its wheels there; the mismatch stays.
+
+        Raises:
+            ValueError: no scene has this name; nothing changes.
+        """
+        self._load(scenes.build(name))
+
+    @property
+    def mismatch(self) -> Mismatch:
+        """What the simulated robot differs by from its nominal model."""
+        return self._mismatch
+
+    @property
+    def mass_scale(self) -> float:
+        """Total mass of the simulated robot over nominal."""
+        return self._nominal.total_mass_scale(self._model)
+
+    def set_mismatch(self, mismatch: Mismatch) -> None:
+        """Change masses, inertias and frictions from the next tick on; the state stays.
+
+        Raises:
+            ValueError: it names a link that the robot has not; nothing changes.
+        """
+        self._nominal.apply(self._model, mismatch)
+        self._mismatch = mismatch
+
+    def set_drag(self, target_in_world: np.ndarray | None) -> None:
+        """Pull the end effector towards a point (3,) m in world by a soft capped spring, or let go with None.
+
+        Raises:
+            ValueError: the target is not three finite numbers.
+        """
+        if target_in_world is None:
+            self.wrenches.set_drag(None)
+        elif self.wrenches.drag is None or not np.array_equal(target_in_world, self.wrenches.drag.anchor_m):
+            self.wrenches.set_drag(Spring(target_in_world, DRAG_STIFFNESS, DRAG_DAMPING, limit_n=DRAG_LIMIT_N))
+
+    def _load(self, scene: SceneModel) -> None:
+        self._scene = scene
+        model = self._model = scene.model
+        # Without this MuJoCo would answer a divergence with a silent reset.
+        model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
+        joints = [model.joint(joint) for joint in JOINT_NAMES]
+        self._positions = np.array([joint.qposadr[0] for joint in joints])
+        self._dofs = np.array([joint.dofadr[0] for joint in joints])
+        self._actuators = np.array([model.actuator(joint).id for joint in JOINT_NAMES])
+        self._torque_limit = model.actuator_forcerange[self._actuators, 1].copy()
+        self._base = model.body("base").id
+        self._imu = model.site("imu").id
+        self._imu_twist = np.zeros(6)
+        self._make_drives_affine()
+        data = self._data = mujoco.MjData(model)
+        self.wrenches = WrenchSources(model, data)
+        self._truth = GroundTruthReader(model, data, self._scene.robot_bodies, self._scene.movable_bodies)
+        self._nominal = NominalParameters(model, self._scene.robot_bodies)
+        self._nominal.apply(model, self._mismatch)
+        self.reset()
+
+    def _make_drives_affine(self) -> None:
+        model, drives = self._model, self._actuators
+        model.actuator_gaintype[drives] = mujoco.mjtGain.mjGAIN_FIXED
+        model.actuator_biastype[drives] = mujoco.mjtBias.mjBIAS_AFFINE
+        model.actuator_gainprm[drives] = 0.0
+        model.actuator_gainprm[drives, 0] = 1.0
+        model.actuator_biasprm[drives] = 0.0
+        model.actuator_ctrllimited[drives] = 0
+
+    def _update_kinematics(self) -> None:
+        # mj_step leaves poses and velocities of the tick's start; wrenches and truth need those of its end.
+        mujoco.mj_kinematics(self._model, self._data)
+        mujoco.mj_comPos(self._model, self._data)
+        mujoco.mj_comVel(self._model, self._data)
+
+    def _sense(self, torque: np.ndarray) -> None:
+        data = self._data
+        mujoco.mj_objectVelocity(self._model, data, mujoco.mjtObj.mjOBJ_SITE, self._imu, self._imu_twist, 0)
+        imu_velocity = self._imu_twist[3:].copy()
+        # The mean over the tick, so that it integrates to the change of velocity under implicit integration too.
+        acceleration = (imu_velocity - self._imu_velocity) / self._model.opt.timestep
+        acceleration[2] += GRAVITY
+        self._imu_velocity = imu_velocity
+        self._frame = self._sensors.measure(
+            SensorFrame(
+                time_s=data.time,
+                orientation_wxyz=data.qpos[3:7].copy(),
+                angular_velocity=data.qvel[3:6].copy(),
+                linear_acceleration=acceleration @ data.xmat[self._base].reshape(3, 3),
+                joint_position=data.qpos[self._positions],
+                joint_velocity=data.qvel[self._dofs],
+                joint_torque=torque,
+            )
+        )
+
+    def _require_open(self) -> None:
+        if not self._opened:
+            raise BackendError("the simulation is not open; call open() first")

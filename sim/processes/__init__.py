@@ -1,0 +1,1 @@
+"""Shared memory, real-time scheduling and process pools."""

@@ -1,0 +1,1 @@
+"""A session: one backend and one pipeline, tick by tick, and the snapshot that it publishes."""

@@ -1,0 +1,137 @@
+"""One consistent record of everything a console shows: what the control process publishes and pages, REST and streams read.
+
+A snapshot is a numpy scalar record of dtype SNAPSHOT. Units SI; heading frame unless the name says world. NaN means
+"not available" (truth on hardware, an estimator that does not run).
+"""
+
+from enum import IntEnum
+
+import numpy as np
+
+from control.joints import JOINT_COUNT, LEGS
+from control.types import Command
+
+MAX_ESTIMATORS = 8
+MAX_OBJECTS = 8
+MAX_OBSERVATION = 160
+
+
+class Mode(IntEnum):
+    """What the control process is doing."""
+
+    RUNNING = 0
+    PAUSED = 1
+    ESTOP = 2
+    FAULT = 3
+
+
+COMMAND = np.dtype(
+    [
+        ("mask", "u1", 3),
+        ("force_n", "f8", 3),
+        ("position_m", "f8", 3),
+        ("orientation_wxyz", "f8", 4),
+        ("base_velocity", "f8", 3),
+        ("guidance", "?"),
+    ]
+)
+
+SNAPSHOT = np.dtype(
+    [
+        ("sequence", "u8"),  # counts snapshots
+        ("time_s", "f8"),  # simulated (or robot) time
+        ("wall_time_s", "f8"),  # time.time() of the tick
+        ("mode", "u1"),  # Mode
+        ("faults", "u4"),  # control.safety.Fault bits
+        ("backend", "S16"),
+        ("drive_state", "u1"),  # sim.backends.hardware.states.DriveState; on hardware only, as the next two
+        ("drive_faults", "u4"),  # Trip bits
+        ("dry_run", "?"),  # nothing is sent to the robot
+        ("scene", "S16"),
+        ("controller", "S16"),
+        ("estimator", "S16"),
+        ("command_sequence", "u8"),  # of the newest set-point that took effect
+        ("command", COMMAND),  # as asked
+        ("applied_command", COMMAND),  # after limits, slew and guidance
+        ("base_position", "f8", 3),  # in world; truth in simulation, odometry on hardware
+        ("base_orientation_wxyz", "f8", 4),
+        ("base_linear_velocity", "f8", 3),  # in heading, estimated
+        ("base_angular_velocity", "f8", 3),  # in base, measured
+        ("joint_position", "f8", JOINT_COUNT),
+        ("joint_velocity", "f8", JOINT_COUNT),
+        ("joint_torque", "f8", JOINT_COUNT),
+        ("end_effector_position", "f8", 3),  # in heading
+        ("end_effector_orientation_wxyz", "f8", 4),  # in heading
+        ("end_effector_position_in_world", "f8", 3),
+        ("target_position_in_world", "f8", 3),  # applied position target, for the gizmo
+        ("heading_yaw", "f8"),  # rad, heading frame in world
+        ("force_estimated", "f8", 3),  # by the selected estimator, in heading
+        ("force_sigma", "f8", 3),
+        ("force_true", "f8", 3),
+        ("estimator_names", "S16", MAX_ESTIMATORS),
+        ("force_estimates", "f8", (MAX_ESTIMATORS, 3)),
+        ("force_errors_rms", "f8", MAX_ESTIMATORS),  # N, last seconds, vector error against truth
+        ("wheel_in_contact", "?", len(LEGS)),
+        ("wheel_force_estimated", "f8", (len(LEGS), 3)),
+        ("wheel_force_true", "f8", (len(LEGS), 3)),
+        ("wheel_contact_position_in_world", "f8", (len(LEGS), 3)),
+        ("policy_form", "S16"),  # observation form of the selected policy (control.policy.observation), empty without one
+        ("policy_observation", "f4", MAX_OBSERVATION),
+        ("policy_action", "f4", JOINT_COUNT),
+        ("mass_scale_estimated", "f8"),
+        ("mass_scale_true", "f8"),
+        ("object_count", "u1"),
+        ("object_position", "f8", (MAX_OBJECTS, 3)),  # movable bodies of the scene, in world
+        ("object_orientation_wxyz", "f8", (MAX_OBJECTS, 4)),
+        ("drag_active", "?"),
+        ("drag_target_in_world", "f8", 3),
+        ("drag_force", "f8", 3),  # in heading
+        ("loop_rate_hz", "f8"),
+        ("real_time_factor", "f8"),
+        ("overruns", "u8"),
+        ("rebases", "u4"),  # times the loop fell so far behind that it dropped the lost time
+        ("held_s", "f8"),  # time spent on slow work that was asked for, such as loading a scene
+        ("lateness_p99_ms", "f8"),
+        ("tick_median_us", "f8"),
+        ("realtime_scheduling", "?"),  # SCHED_FIFO was granted
+        ("speed", "f8"),
+    ]
+)
+
+SETPOINT = np.dtype(
+    [
+        ("sequence", "u8"),  # counts changes of `command`
+        ("heartbeat_s", "f8"),  # time.monotonic() of the web process's last sign of life, 0 before the first
+        ("command", COMMAND),
+        ("drag_active", "?"),
+        ("drag_target_in_world", "f8", 3),
+    ]
+)
+"""What the web process writes, latest wins: the command as asked (within limits) and the operator's drag spring."""
+
+
+def on_hardware(record: np.void) -> bool:
+    """Whether a SNAPSHOT record is of a robot behind its wire, real or emulated, not of the simulation."""
+    return record["backend"] == b"hardware"
+
+
+def command_from_record(record: np.void) -> Command:
+    """Command of a COMMAND record (copied)."""
+    return Command(
+        mask=record["mask"].astype(float),
+        force_n=record["force_n"].copy(),
+        position_m=record["position_m"].copy(),
+        orientation_wxyz=record["orientation_wxyz"].copy(),
+        base_velocity=record["base_velocity"].copy(),
+        guidance=bool(record["guidance"]),
+    )
+
+
+def command_to_record(command: Command, record: np.void) -> None:
+    """Write a command into a COMMAND record."""
+    record["mask"] = command.mask
+    record["force_n"] = command.force_n
+    record["position_m"] = command.position_m
+    record["orientation_wxyz"] = command.orientation_wxyz
+    record["base_velocity"] = command.base_velocity
+    record["guidance"] = command.guidance

@@ -1,0 +1,81 @@
+"""Writes one tick's robot and forces into a snapshot record."""
+
+import numpy as np
+
+from control.frames import quaternion_from_rotation, rotation_heading_to_world
+from control.pipeline import PipelineOutput
+from control.policy.policy_controller import PolicyController
+from control.types import SensorFrame
+from control.whole_body.controller import Controller
+from sim.backends.protocol import GroundTruth
+from sim.runtime.snapshot import MAX_OBJECTS, command_to_record
+
+LOADED_WHEEL_N = 5.0
+"""Estimated normal force above which a wheel counts as in contact where there is no truth."""
+
+
+def write_robot(record: np.void, sensor: SensorFrame, output: PipelineOutput, truth: GroundTruth | None) -> None:
+    """Posture, base, hand and applied command of a SNAPSHOT record."""
+    base = output.base
+    heading_in_imu = rotation_heading_to_world(base.rotation_base_to_world)
+    record["joint_position"] = sensor.joint_position
+    record["joint_velocity"] = sensor.joint_velocity
+    record["joint_torque"] = sensor.joint_torque
+    record["base_linear_velocity"] = base.rotation_base_to_world @ base.linear_velocity_in_base @ heading_in_imu
+    record["base_angular_velocity"] = base.angular_velocity_in_base
+    record["end_effector_position"] = output.hand.position_in_heading
+    record["end_effector_orientation_wxyz"] = quaternion_from_rotation(output.hand.rotation_to_heading)
+    if truth is None:
+        # Without an odometry of position the robot is drawn where it started.
+        origin, heading = np.zeros(3), heading_in_imu
+        record["base_position"] = [0.0, 0.0, base.height_m]
+        record["base_orientation_wxyz"] = quaternion_from_rotation(base.rotation_base_to_world)
+        record["end_effector_position_in_world"] = heading @ output.hand.position_in_heading
+    else:
+        origin, heading = truth.base_position * [1.0, 1.0, 0.0], truth.rotation_heading_to_world
+        record["base_position"] = truth.base_position
+        record["base_orientation_wxyz"] = truth.base_orientation_wxyz
+        record["end_effector_position_in_world"] = truth.end_effector_position
+    record["heading_yaw"] = np.arctan2(heading[1, 0], heading[0, 0])
+    record["target_position_in_world"] = origin + heading @ output.applied_command.position_m
+    command_to_record(output.applied_command, record["applied_command"])
+
+
+def write_forces(
+    record: np.void, output: PipelineOutput, truth: GroundTruth | None, names: tuple[str, ...], selected: str
+) -> None:
+    """Estimated and true forces of a SNAPSHOT record, for estimators `names` of which `selected` feeds the controller."""
+    record["estimator_names"] = [*names] + [""] * (len(record["estimator_names"]) - len(names))
+    record["force_estimates"] = np.nan
+    for index, name in enumerate(names):
+        if name in output.estimates:
+            record["force_estimates"][index] = output.estimates[name].force_in_heading
+    estimate = output.estimates[selected]
+    record["force_estimated"] = estimate.force_in_heading
+    record["force_sigma"] = np.nan if estimate.sigma_n is None else estimate.sigma_n
+    record["wheel_force_estimated"] = estimate.wheel_forces_in_heading
+    record["mass_scale_estimated"] = np.nan if estimate.mass_scale is None else estimate.mass_scale
+    if truth is None:
+        record["force_true"] = record["wheel_force_true"] = np.nan
+        record["wheel_in_contact"] = estimate.wheel_forces_in_heading[:, 2] > LOADED_WHEEL_N
+        record["wheel_contact_position_in_world"] = np.nan
+        record["object_count"] = 0
+        return
+    record["force_true"] = truth.end_effector_force
+    record["wheel_force_true"] = truth.wheel_forces
+    record["wheel_in_contact"] = truth.wheel_in_contact
+    record["wheel_contact_position_in_world"] = truth.wheel_contact_positions
+    count = min(len(truth.object_positions), MAX_OBJECTS)
+    record["object_count"] = count
+    record["object_position"][:count] = truth.object_positions[:count]
+    record["object_orientation_wxyz"][:count] = truth.object_orientations_wxyz[:count]
+
+
+def write_policy(record: np.void, controller: Controller) -> None:
+    """What the selected controller observed and did, if it is a policy, into a SNAPSHOT record."""
+    if not isinstance(controller, PolicyController):
+        record["policy_form"] = b""
+        return
+    record["policy_form"] = controller.manifest.form
+    record["policy_observation"][: len(controller.observation)] = controller.observation
+    record["policy_action"] = controller.action

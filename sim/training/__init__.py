@@ -1,0 +1,1 @@
+"""The batched training world of the policy."""

@@ -1,0 +1,316 @@
+"""The training environment: many robots under random commands, seen as the policy sees one (control.policy.observation).
+
+One `step`: targets -> two physics steps with the surroundings' forces -> reward from truth -> new references, estimate and
+observation. What the policy and the teacher get carries sensor noise and the estimator's errors; only rewards and the
+critic's privileged part see truth.
+"""
+
+from dataclasses import dataclass, field, fields, replace
+
+import numpy as np
+
+from control.command.limits import CommandLimits
+from control.joints import JOINT_COUNT, NOMINAL_BASE_HEIGHT_M, NOMINAL_POSITION, WHEEL_SLICE
+from control.policy.action import ActionScales
+from control.policy.observation import EXTENDED_FORM, RESIDUAL_FORM, Observation, advance_phase
+from control.policy.task_memory import TaskMemory, TaskMemoryConfig, TaskSignals
+from control.whole_body.arm import ArmConfig
+from control.whole_body.controller import CONTROL_PERIOD_S
+from control.whole_body.reference_correction import NO_CORRECTION, ReferenceCorrection
+from sim.training.batch_rotations import (
+    products,
+    quaternions_from_rotations,
+    rotate_back,
+    rotation_errors,
+    rotations_from_quaternions,
+)
+from sim.training.commands import LEAD, SLIDE, CommandRanges, CommandSource
+from sim.training.contact_environment import SurroundingRanges, Surroundings
+from sim.training.references import BatchedReferences
+from sim.training.rewards import RewardInput, RewardScales, rewards
+from sim.training.robot import SUBSTEPS, BatchedRobot, Randomization
+from sim.training.surrogate import EstimatorSurrogate, SurrogateParameters, fitted_surrogate
+from sim.training.teacher import BatchedTeacher
+
+PRIVILEGED_SIZE = 23
+_ALL = slice(None)
+
+TEACHER_ARM = replace(ArmConfig(), contact_share=0.0, load_gain=0.0)
+"""The model-based arm in its plain form, without the approach to contact and the load that axes in motion carry."""
+
+
+@dataclass(frozen=True, slots=True)
+class SensorNoise:
+    """Standard deviation of the white noise on what is observed, up to twice that of the full simulation's pipeline."""
+
+    joint_position_rad: float = 1e-3
+    joint_velocity_rps: float = 0.02
+    joint_torque_nm: float = 0.1
+    angular_velocity_rps: float = 0.007
+    gravity: float = 5e-4
+    hand_position_m: float = 5e-4
+    hand_orientation_rad: float = 7e-4
+    rolling_velocity_mps: float = 0.005
+
+
+@dataclass(frozen=True, slots=True)
+class TrainingEnvConfig:
+    """What the environment is made of. `episode_s` ends episodes; fallen robots start anew at once."""
+
+    count: int = 512
+    threads: int = 1
+    seed: int = 0
+    form: str = EXTENDED_FORM
+    episode_s: float = 20.0
+    fallen_gravity_z: float = -0.75
+    fallen_height_m: float = 0.2
+    commands: CommandRanges = field(default_factory=CommandRanges)
+    surroundings: SurroundingRanges = field(default_factory=SurroundingRanges)
+    randomization: Randomization = field(default_factory=Randomization)
+    noise: SensorNoise = field(default_factory=SensorNoise)
+    rewards: RewardScales = field(default_factory=RewardScales)
+    teacher_arm: ArmConfig = TEACHER_ARM
+    surrogate: SurrogateParameters | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class StepResult:
+    """Attributes:
+    reward: (n, 2) locomotion and end effector. done: (n,) bool.
+    ended: (k,) robots whose time was up (not fallen), with their last observation (k, o) and privileged part (k, p):
+        the value of that state, not zero, follows.
+    state: what the reward was computed from. mask: (n, 3). segment_s: (n,) time since the command changed.
+    """
+
+    reward: np.ndarray
+    done: np.ndarray
+    ended: np.ndarray
+    last_observation: np.ndarray
+    last_privileged: np.ndarray
+    state: RewardInput
+    mask: np.ndarray
+    segment_s: np.ndarray
+
+
+class TrainingEnv:
+    """n robots. `observation` and `privileged` are current after construction and after every `step`."""
+
+    def __init__(self, config: TrainingEnvConfig) -> None:
+        """
+        Raises:
+            SurrogateError: no surrogate is given and none has been fitted.
+        """
+        self.config, count = config, config.count
+        random = self._random = np.random.default_rng(config.seed)
+        self.robot = BatchedRobot(count, config.threads, config.randomization, random)
+        self.source = CommandSource(count, config.commands, random)
+        self.references = BatchedReferences(count, CommandLimits())
+        self.surroundings = Surroundings(self.robot, self.source, config.surroundings, random)
+        surrogate = config.surrogate or fitted_surrogate()
+        self.estimator = EstimatorSurrogate(surrogate, self.robot.mass_scale, random)
+        self._corrects = config.form == RESIDUAL_FORM
+        # A residual policy corrects the controller as it runs on the robot.
+        self.teacher = BatchedTeacher(self.robot, ArmConfig() if self._corrects else config.teacher_arm)
+        self.memory = TaskMemory(TaskMemoryConfig(), (count,))
+        self.form = Observation(config.form)
+        self._scales = ActionScales()
+        self.action_scale, self._action_limit = self._scales.per_joint(), self._scales.limit
+        self._nominal = NOMINAL_POSITION.copy()
+        self._nominal[WHEEL_SLICE] = 0.0
+        self._action = np.zeros((count, JOINT_COUNT), order="F")
+        self._phase = np.zeros((count, 1))
+        self._hand_force = np.zeros((count, 3), order="F")
+        # Robots start at different ages, so that they do not all start anew together.
+        self._age_s = random.uniform(0.0, config.episode_s, count)
+        everyone = np.arange(count)
+        self._reset(everyone)
+        self._draw(everyone)
+        self._hand = self._measured_hand()
+        self._observe()
+
+    @property
+    def observation_size(self) -> int:
+        """Length of an observation."""
+        return self.form.size
+
+    def teacher_action(self, correction: ReferenceCorrection = NO_CORRECTION) -> np.ndarray:
+        """Action (n, 22) of the teacher at the current observation, its references corrected; call once per step."""
+        targets = self.teacher.targets(self.signals, self.memory, correction)
+        return np.clip((targets - self._nominal) / self.action_scale, -self._action_limit, self._action_limit)
+
+    def step(self, action: np.ndarray) -> StepResult:
+        """Act (n, 22) for one control period; with the residual form the action corrects the teacher's."""
+        config, robot = self.config, self.robot
+        action = action.astype(float, order="F")
+        if self._corrects:
+            added = np.clip(action, -self._scales.correction_limit, self._scales.correction_limit)
+            action = self.teacher_action(self._scales.reference_correction(added)) + self._scales.joint_correction(added)
+        action = np.clip(action, -self._action_limit, self._action_limit)
+        robot.set_targets(self._nominal + self.action_scale * action)
+        mean_force = np.zeros_like(self._hand_force)
+        for substep in range(SUBSTEPS):
+            force = self.surroundings.force()
+            robot.apply_hand_force(force)
+            robot.step(refresh=substep == SUBSTEPS - 1)
+            mean_force += force / SUBSTEPS
+        self._hand_force = rotate_back(robot.rotation_heading_to_world, mean_force)
+        change, self._action = action - self._action, action
+        self._phase = advance_phase(self._phase)
+        state = self._judge(change)
+        reward = rewards(config.rewards, state)
+        mask, segment_s = self.references.mask, self.source.time_s.copy()
+
+        self._age_s += CONTROL_PERIOD_S
+        done = state.fallen | (self._age_s >= config.episode_s)
+        ended = np.flatnonzero(done & ~state.fallen)
+        self._advance_references()
+        self._observe()
+        last = self.observation[ended], self.privileged[ended]
+        fresh = np.flatnonzero(done)
+        if fresh.size:
+            self._age_s[fresh] = 0.0
+            self._reset(fresh)
+        drawn = np.flatnonzero(done | (self.source.time_s >= self.source.duration_s))
+        if drawn.size:
+            self._draw(drawn)
+        if fresh.size:
+            self._observe_fresh(fresh)
+        return StepResult(reward, done, ended, *last, state, mask, segment_s)
+
+    def _reset(self, ids: np.ndarray) -> None:
+        self.robot.reset(ids)
+        self.teacher.reset(ids)
+        self.memory.reset(ids)
+        self.estimator.reset(ids)
+        self._action[ids] = 0.0
+        self._phase[ids] = 0.0
+        self._hand_force[ids] = 0.0
+        self.references.reset(ids, self._measured_hand(ids), self._hand_orientation(ids))
+
+    def _draw(self, ids: np.ndarray) -> None:
+        self.source.draw(ids, self._measured_hand(ids), self._hand_orientation(ids))
+        self.surroundings.draw(ids)
+
+    def _measured_hand(self, ids: np.ndarray | slice = _ALL) -> np.ndarray:
+        """Hands (m, 3) in heading, as kinematics give them: height above the wheels' contact points."""
+        robot = self.robot
+        hand = rotate_back(robot.rotation_heading_to_world[ids], robot.hand_position[ids] - robot.base_position[ids])
+        hand[:, 2] += self._base_height(ids)
+        return hand
+
+    def _hand_orientation(self, ids: np.ndarray) -> np.ndarray:
+        """Hands' (m, 4) wxyz in heading."""
+        heading = self.robot.rotation_heading_to_world[ids]
+        return quaternions_from_rotations(heading.transpose(0, 2, 1) @ self.robot.hand_rotation[ids])
+
+    def _base_height(self, ids: np.ndarray | slice = _ALL) -> np.ndarray:
+        """Heights (m,) m above the mean of the middle two contact points."""
+        contacts = self.robot.contact_positions[ids, :, 2]
+        middle = contacts.sum(axis=1) - contacts.max(axis=1) - contacts.min(axis=1)
+        return self.robot.base_position[ids, 2] - 0.5 * middle
+
+    def _advance_references(self) -> None:
+        robot, noise = self.robot, self.config.noise
+        forward = rotate_back(robot.rotation_heading_to_world, robot.base_linear_velocity)
+        self.estimator.step(self._hand_force, np.stack([forward[:, 0], robot.base_angular_velocity[:, 2]]).T)
+        self._hand = self._measured_hand() + self._noise(noise.hand_position_m, 3, self.config.count)
+        self.source.advance(self._hand, self.estimator.force, CONTROL_PERIOD_S)
+        self.references.step(self.source.commands, self._hand, self.estimator.force, CONTROL_PERIOD_S)
+
+    def _observe(self) -> None:
+        self.signals = self._sense()
+        self.memory.step(self.signals)
+        self.observation = self.form.assemble(self.signals, self.memory, self._action, self._phase)
+        self.privileged = self._privileged()
+
+    def _observe_fresh(self, ids: np.ndarray) -> None:
+        """Let robots that have just started be seen in their new state; the others stay as they were seen."""
+        self._hand[ids] = self._measured_hand(ids)
+        signals = self._sense(ids)
+        for each in fields(TaskSignals):
+            getattr(self.signals, each.name)[ids] = getattr(signals, each.name)
+        nothing = TaskMemory(TaskMemoryConfig(), (len(ids),))
+        self.observation[ids] = self.form.assemble(signals, nothing, self._action[ids], self._phase[ids])
+        self.privileged = self._privileged()
+
+    def _sense(self, ids: np.ndarray | slice = _ALL) -> TaskSignals:
+        """Measurements of robots `ids`, with noise."""
+        robot, noise, references = self.robot, self.config.noise, self.references
+        rotation, heading = robot.rotation_base_to_world[ids], robot.rotation_heading_to_world[ids]
+        count = len(heading)
+        target = products(heading, rotations_from_quaternions(references.orientation[ids]))
+        velocity = rotate_back(heading, robot.rolling_velocity[ids])
+        angular_velocity, yaw_rate = robot.angular_velocity_in_base[ids], robot.base_angular_velocity[ids, 2:]
+        return TaskSignals(
+            angular_velocity=angular_velocity + self._noise(noise.angular_velocity_rps, 3, count),
+            gravity=-rotation[:, 2] + self._noise(noise.gravity, 3, count),
+            base_linear_velocity=velocity + self._noise(noise.rolling_velocity_mps, 3, count),
+            base_height=self._base_height(ids)[:, None] + self._noise(noise.hand_position_m, 1, count),
+            yaw_rate=yaw_rate + self._noise(noise.angular_velocity_rps, 1, count),
+            joint_position=robot.joint_position[ids] + self._noise(noise.joint_position_rad, JOINT_COUNT, count),
+            joint_velocity=robot.joint_velocity[ids] + self._noise(noise.joint_velocity_rps, JOINT_COUNT, count),
+            joint_torque=robot.joint_torque[ids] + self._noise(noise.joint_torque_nm, JOINT_COUNT, count),
+            hand_position=self._hand[ids],
+            orientation_error=rotate_back(heading, rotation_errors(target, robot.hand_rotation[ids]))
+            + self._noise(noise.hand_orientation_rad, 3, count),
+            force_estimate=self.estimator.force[ids],
+            mask=references.mask[ids],
+            force=references.force[ids],
+            position=references.position[ids],
+            orientation=references.orientation[ids],
+            base_velocity=references.base_velocity[ids],
+        )
+
+    def _privileged(self) -> np.ndarray:
+        """(n, 23) truth for the critic alone."""
+        robot, references = self.robot, self.references
+        heading = robot.rotation_heading_to_world
+        hand = self._true_hand()
+        force_error = references.mask * (self._hand_force - references.force)
+        arm = rotate_back(heading, robot.hand_velocity_from_arm)
+        parts = [
+            2.0 * rotate_back(heading, robot.base_linear_velocity),
+            10.0 * (robot.base_position[:, 2:] - NOMINAL_BASE_HEIGHT_M),
+            4.0 * (references.position - hand),
+            self.signals.orientation_error,
+            0.1 * self._hand_force,
+            0.2 * force_error,
+            arm,
+            self.surroundings.stiffness_of_force_axes() * 0.002,
+            5.0 * (robot.mass_scale[:, None] - 1.0),
+        ]
+        return np.clip(np.concatenate(parts, axis=1, dtype=np.float32, casting="same_kind"), -8.0, 8.0)
+
+    def _judge(self, action_change: np.ndarray) -> RewardInput:
+        robot, references = self.robot, self.references
+        heading = robot.rotation_heading_to_world
+        velocity = rotate_back(heading, robot.base_linear_velocity)
+        target = products(heading, rotations_from_quaternions(references.orientation))
+        gravity = -robot.rotation_base_to_world[:, 2]
+        height = robot.base_position[:, 2]
+        return RewardInput(
+            velocity_error=velocity[:, :2] - references.base_velocity[:, :2],
+            yaw_error=robot.base_angular_velocity[:, 2] - references.base_velocity[:, 2],
+            heave=velocity[:, 2],
+            height=height,
+            rocking=robot.angular_velocity_in_base[:, :2],
+            gravity_xy=gravity[:, :2],
+            position_error=(1.0 - references.mask) * (self._true_hand() - references.position),
+            orientation_error=rotation_errors(target, robot.hand_rotation),
+            drags=self.source.kind == SLIDE,
+            force_error=references.mask * (self._hand_force - references.force),
+            lead_force=(self.source.kind == LEAD) * np.linalg.norm(self._hand_force, axis=1),
+            joint_position=robot.joint_position,
+            joint_velocity=robot.joint_velocity,
+            joint_torque=robot.joint_torque,
+            action_change=action_change,
+            # Written so that a state that is not a number counts as fallen.
+            fallen=~((gravity[:, 2] <= self.config.fallen_gravity_z) & (height >= self.config.fallen_height_m)),
+        )
+
+    def _true_hand(self) -> np.ndarray:
+        robot = self.robot
+        return rotate_back(robot.rotation_heading_to_world, robot.hand_position - robot.base_position * [1.0, 1.0, 0.0])
+
+    def _noise(self, deviation: float, size: int, count: int) -> np.ndarray:
+        return deviation * self._random.standard_normal((size, count)).T

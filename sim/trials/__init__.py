@@ -1,0 +1,1 @@
+"""Rollouts and trials that data collection, training scores and benchmarks share."""

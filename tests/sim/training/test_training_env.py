@@ -1,0 +1,281 @@
+"""The batched environment against the single-robot code it stands for, and the laws of its surroundings and rewards."""
+
+from dataclasses import fields, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from control.command.filter import CommandFilter
+from control.command.limits import CommandLimits, HandState
+from control.frames import quaternion_from_rotation, rotation_from_quaternion
+from control.joints import ARM_SLICE, LEG_SLICE, WHEEL_SLICE
+from control.policy.action import ActionScales
+from control.policy.observation import RESIDUAL_FORM, task_signals
+from control.policy.policy_controller import PolicyController
+from control.policy.policy_weights import PolicyManifest, interface, load_policy, save_policy
+from control.policy.task_memory import TaskSignals
+from control.robot_model import RobotModel
+from control.types import BaseState, Command, SensorFrame
+from control.whole_body.arm import ArmConfig
+from control.whole_body.controller import CONTROL_PERIOD_S, ControllerInput
+from control.whole_body.model_based import ModelBasedController
+from sim.training.batch_rotations import quaternions_from_rotations, rotate, rotate_back, solve_positive
+from sim.training.commands import LEAD, SLIDE, CommandRanges
+from sim.training.contact_environment import HAND_INERTIA_KG
+from sim.training.env import SensorNoise, TrainingEnv, TrainingEnvConfig
+from sim.training.references import BatchedReferences, Commands
+from sim.training.rewards import RewardScales, rewards
+from sim.training.robot import NO_RANDOMIZATION, TIMESTEP_S
+from sim.training.surrogate import LowPass, SurrogateParameters
+
+SURROGATE = SurrogateParameters(6.0, 0.67, 0.0, (0.0,) * 3, (0.0,) * 3, ((0.0,) * 4,) * 3, (0.0,) * 3, 0.9)
+SILENT = SensorNoise(**{field.name: 0.0 for field in fields(SensorNoise)})
+
+
+@pytest.fixture(scope="module")
+def model() -> RobotModel:
+    return RobotModel()
+
+
+def make_env(count: int = 8, **changes: object) -> TrainingEnv:
+    config = TrainingEnvConfig(
+        count=count,
+        commands=CommandRanges(hands=40),
+        randomization=NO_RANDOMIZATION,
+        noise=SILENT,
+        surrogate=SURROGATE,
+    )
+    env = TrainingEnv(replace(config, **changes))
+    env._age_s[:] = 0.0
+    return env
+
+
+def single_input(env: TrainingEnv, index: int, model: RobotModel) -> ControllerInput:
+    """What the controller of robot `index` would get in the pipeline, with the batch's measurements."""
+    robot, signals, references = env.robot, env.signals, env.references
+    rotation = robot.rotation_base_to_world[index]
+    heading = robot.rotation_heading_to_world[index]
+    velocity = rotation.T @ heading @ signals.base_linear_velocity[index]
+    sensor = SensorFrame(
+        time_s=0.0,
+        orientation_wxyz=quaternion_from_rotation(rotation),
+        angular_velocity=signals.angular_velocity[index],
+        linear_acceleration=np.array([0.0, 0.0, 9.81]),
+        joint_position=signals.joint_position[index],
+        joint_velocity=signals.joint_velocity[index],
+        joint_torque=signals.joint_torque[index],
+    )
+    model.update(rotation, sensor.joint_position, velocity, sensor.angular_velocity, sensor.joint_velocity)
+    command = Command(
+        mask=references.mask[index],
+        force_n=references.force[index],
+        position_m=references.position[index],
+        orientation_wxyz=references.orientation[index],
+        base_velocity=references.base_velocity[index],
+    )
+    base = BaseState(rotation, velocity, sensor.angular_velocity, float(signals.base_height[index, 0]))
+    return ControllerInput(sensor, base, model, command, signals.force_estimate[index])
+
+
+def test_teacher_equals_the_model_based_controller(model: RobotModel):
+    env = make_env(count=8, teacher_arm=ArmConfig())
+    controllers = [ModelBasedController(model) for _ in range(8)]
+    largest = 0.0
+    for _ in range(60):
+        expected = np.array([c.step(single_input(env, i, model)) for i, c in enumerate(controllers)])
+        action = env.teacher_action()
+        targets = env._nominal + env.action_scale * action
+        largest = max(largest, float(np.abs(targets - expected).max()))
+        assert not env.step(action).done.any()
+    assert largest < 1e-6
+
+
+def test_batch_and_single_robot_share_the_observed_signals(model: RobotModel):
+    env = make_env(count=3)
+    for _ in range(20):
+        env.step(env.teacher_action())
+    for index in range(3):
+        single = task_signals(single_input(env, index, model))
+        for field in fields(TaskSignals):
+            batch = getattr(env.signals, field.name)[index]
+            assert np.allclose(getattr(single, field.name), batch, atol=1e-9), field.name
+
+
+def test_references_equal_the_command_filter():
+    random = np.random.default_rng(3)
+    limits, hand = CommandLimits(), np.array([0.55, 0.02, 0.5])
+    commands, batch, single = Commands(1), BatchedReferences(1, limits), CommandFilter(limits)
+    batch.reset(np.array([0]), hand[None], np.array([[1.0, 0.0, 0.0, 0.0]]))
+    for step in range(240):
+        if step % 60 == 0:
+            commands.mask = (random.random((1, 3)) < 0.4).astype(float)
+            commands.force = random.uniform(-20.0, 20.0, (1, 3))
+            commands.position = hand + random.uniform(-0.1, 0.1, (1, 3))
+            quaternion = random.standard_normal((1, 4))
+            commands.orientation = quaternion / np.linalg.norm(quaternion)
+            commands.base_velocity = random.uniform(-0.1, 0.1, (1, 3))
+        measured, force = hand + 0.01 * random.standard_normal(3), random.standard_normal(3)
+        asked = Command(
+            commands.mask[0], commands.force[0], commands.position[0], commands.orientation[0], commands.base_velocity[0]
+        )
+        applied = single.step(asked, HandState(measured, np.eye(3), force), CONTROL_PERIOD_S)
+        if step == 0:  # the filter starts at the first hand it sees
+            batch.reset(np.array([0]), measured[None], np.array([[1.0, 0.0, 0.0, 0.0]]))
+        batch.step(commands, measured[None], force[None], CONTROL_PERIOD_S)
+        for mine, theirs in (
+            (batch.mask, applied.mask),
+            (batch.force, applied.force_n),
+            (batch.position, applied.position_m),
+            (batch.base_velocity, applied.base_velocity),
+        ):
+            assert np.allclose(mine[0], theirs, atol=1e-9)
+        assert np.allclose(np.abs(batch.orientation[0] @ applied.orientation_wxyz), 1.0, atol=1e-9)
+
+
+def test_batched_quaternions_equal_the_single_ones():
+    random = np.random.default_rng(1)
+    quaternions = random.standard_normal((50, 4))
+    quaternions /= np.linalg.norm(quaternions, axis=1, keepdims=True)
+    rotations = np.array([rotation_from_quaternion(q) for q in quaternions])
+    expected = np.array([quaternion_from_rotation(rotation) for rotation in rotations])
+    assert np.allclose(quaternions_from_rotations(rotations), expected, atol=1e-9)
+
+
+def test_batched_systems_are_solved():
+    random = np.random.default_rng(2)
+    roots, vectors = random.standard_normal((20, 6, 6)), random.standard_normal((20, 6))
+    matrices = roots @ roots.transpose(0, 2, 1) + 0.1 * np.eye(6)
+    expected = np.linalg.solve(matrices, vectors[:, :, None])[:, :, 0]
+    assert np.allclose(solve_positive(matrices, vectors), expected, rtol=1e-9)
+
+
+def test_teacher_stands_drives_and_regulates_force_in_the_training_world():
+    env = make_env(count=64)
+    falls, force, velocity = 0, [], []
+    for _ in range(200):
+        result = env.step(env.teacher_action())
+        falls += int(result.state.fallen.sum())
+        late = result.segment_s > 1.0
+        force.append(result.state.force_error[late][result.mask[late] > 0.5])
+        velocity.append(result.state.velocity_error[late, 0])
+    assert falls <= 3
+    assert np.sqrt(np.mean(np.concatenate(force) ** 2)) < 5.0
+    assert np.sqrt(np.mean(np.concatenate(velocity) ** 2)) < 0.12
+
+
+def test_low_pass_matches_its_step_response():
+    w, z, dt = 4.5, 0.67, 0.02
+    low_pass = LowPass((1,), w, z, dt)
+    times = dt * np.arange(1, 101)
+    response = np.array([low_pass.step(np.ones(1))[0] for _ in times])
+    damped = w * np.sqrt(1 - z * z)
+    exact = 1 - np.exp(-z * w * times) * (np.cos(damped * times) + z * w / damped * np.sin(damped * times))
+    assert np.allclose(response, exact, atol=1e-9)
+
+
+def test_springs_start_relaxed_and_pull_back():
+    env = make_env(count=16)
+    env.source.time_s[:] = 0.0
+    env.robot.hand_velocity[:] = 0.0
+    env.surroundings._swing[:] = 0.0
+    env.surroundings._glide[:] = 0.0
+    start = env.surroundings.force()
+    env.robot.hand_position = env.robot.hand_position + [0.0, 0.0, 0.01]
+    pulled = env.surroundings.force()
+    assert np.abs(start[:, 2]).max() < 1e-6
+    stiffness, damping = env.surroundings._stiffness[:, 2], env.surroundings._damping[:, 2]
+    # Taken implicitly over one step for the least inertia of the hand.
+    softened = stiffness / (1.0 + TIMESTEP_S / HAND_INERTIA_KG * (damping + TIMESTEP_S * stiffness))
+    assert np.allclose((pulled - start)[:, 2], -0.01 * softened, atol=1e-6)
+
+
+def test_steady_sliding_meets_the_whole_friction():
+    env = make_env(count=64)
+    rows = np.flatnonzero(env.source.kind == SLIDE)
+    axes = env.source.slide_axis[rows]
+    surroundings, robot = env.surroundings, env.robot
+    moving = np.zeros((64, 3))
+    moving[rows, axes] = 0.1
+    robot.hand_velocity = rotate(surroundings._rotation, moving)
+    for _ in range(60):
+        surroundings.force()
+    slid = rotate_back(surroundings._rotation, surroundings.force())[rows, axes]
+    expected = -0.1 * surroundings._viscous[rows, axes] - surroundings._dry[rows, axes]
+    assert np.allclose(slid, expected, rtol=1e-3, atol=1e-3)
+
+
+def test_what_is_dragged_travels_as_its_friction_says():
+    env = make_env(count=64)
+    sliding = env.source.kind == SLIDE
+    assert sliding.any()
+    rows, axes = np.flatnonzero(sliding), env.source.slide_axis[sliding]
+    amplitude, rate = env.source.wave_amplitude[rows, axes], env.source.wave_rate[rows]
+    travel = amplitude / (rate * env.surroundings._viscous[rows, axes])
+    assert ((travel > 0.059) & (travel < 0.201)).all()
+
+
+def test_rewards_are_largest_without_error_and_fixed_at_a_fall():
+    env = make_env(count=4)
+    state = env.step(env.teacher_action()).state
+    errors = ("velocity_error", "yaw_error", "position_error", "force_error")
+    zero = {name: np.zeros_like(getattr(state, name)) for name in errors}
+    best = rewards(RewardScales(), replace(state, **zero))
+    assert (best >= rewards(RewardScales(), state) - 1e-12).all()
+    fallen = rewards(RewardScales(), replace(state, fallen=np.ones(4, bool)))
+    assert np.allclose(fallen, 0.1 * np.array([-5.0, -2.0]))
+
+
+def test_leading_costs_the_base_its_reward_per_newton_of_the_person_alone():
+    env = make_env(count=64)
+    state = env.step(env.teacher_action()).state
+    led = env.source.kind == LEAD
+    assert led.any() and not led.all()
+    assert np.allclose(state.lead_force[led], np.linalg.norm(env._hand_force[led], axis=1)) and not state.lead_force[~led].any()
+    heavier = replace(state, lead_force=state.lead_force + 2.0)
+    change = rewards(RewardScales(), heavier) - rewards(RewardScales(), state)
+    assert np.allclose(change[~state.fallen], [-0.1 * 2.0 * RewardScales().lead, 0.0])
+
+
+def test_ended_episodes_hand_over_their_last_observation():
+    env = make_env(count=4, episode_s=0.2)
+    for _ in range(12):
+        result = env.step(env.teacher_action())
+        assert result.last_observation.shape == (len(result.ended), env.observation_size)
+        assert result.done[result.ended].all()
+    assert np.isfinite(env.observation).all()
+
+
+def test_a_residual_policy_that_corrects_nothing_is_the_teacher():
+    plain, corrected = make_env(count=4, teacher_arm=ArmConfig()), make_env(count=4, form=RESIDUAL_FORM)
+    for _ in range(10):
+        plain.step(plain.teacher_action())
+        corrected.step(np.zeros((4, 22)))
+    assert np.allclose(plain.robot.joint_position, corrected.robot.joint_position, atol=1e-9)
+    largest = ActionScales().correction_limit
+    corrected.step(np.full((4, 22), 50.0))
+    teacher = plain.teacher_action()[:, LEG_SLICE]
+    assert np.allclose(corrected._action[:, LEG_SLICE], np.clip(teacher + largest, -8.0, 8.0), atol=1e-6)
+
+
+def test_training_corrects_as_the_policy_does_on_the_robot(tmp_path: Path, model: RobotModel):
+    env = make_env(count=8, form=RESIDUAL_FORM)
+    for _ in range(10):
+        env.step(np.zeros((8, 22)))
+    action = np.random.default_rng(4).uniform(-1.5, 1.5, 22)
+    layers = (env.observation_size, 22)
+    arrays = {"weight_0": np.zeros((22, layers[0])), "bias_0": action}
+    save_policy(tmp_path, PolicyManifest("policy", RESIDUAL_FORM, interface(RESIDUAL_FORM), layers), arrays)
+    controller, plain = PolicyController(*load_policy("policy", tmp_path), model), ModelBasedController(model)
+    moving = int(np.abs(env.signals.base_velocity).max(axis=1).argmax())
+    assert np.abs(env.signals.base_velocity[moving]).max() > 0.1
+    inputs, scales = single_input(env, moving, model), ActionScales()
+    single = controller.step(inputs) - plain.step(inputs)
+    every = np.tile(np.clip(action, -1.0, 1.0), (8, 1))
+    batched = env.teacher_action(scales.reference_correction(every)) - env.teacher_action() + scales.joint_correction(every)
+    batched = batched[moving] * env.action_scale
+    assert np.abs(single[ARM_SLICE]).max() > 0.02
+    assert np.allclose(single[ARM_SLICE], batched[ARM_SLICE], atol=1e-5)
+    assert np.abs(single[WHEEL_SLICE]).max() > 1.0
+    # The stance of the batch moved on between its two calls.
+    assert np.allclose(single[WHEEL_SLICE], batched[WHEEL_SLICE], atol=0.02)
