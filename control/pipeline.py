@@ -15,7 +15,7 @@ import numpy as np
 from control.command.filter import CommandFilter
 from control.command.guidance import Guidance, GuidanceConfig
 from control.command.limits import DEFAULT_COMMAND, CommandLimits, HandState, clip_command
-from control.command.tip_over import bearable_share
+from control.command.tip_over import feasible_force_scale
 from control.estimation.base_state import BaseStateConfig, BaseStateEstimator
 from control.estimation.force_estimator import EstimatorInput, ForceEstimator
 from control.estimation.registry import EstimatorsConfig, make_estimators
@@ -199,7 +199,7 @@ class Pipeline:
         if phase == CONTROL_DECIMATION - 1 or starting:
             self._refer(self._safety.check_command(command, command_age_s), heading, hand)
         if phase == 0 or starting:
-            inputs = ControllerInput(sensor, base, self.model, self._applied, hand.force_in_heading)
+            inputs = ControllerInput(sensor, base, self.model, self._applied, hand.force_estimated_n)
             self._targets = self._controllers[self.controller_name].step(inputs)
         reported = (Fault.ESTIMATOR_STALE if selected.stale else Fault.NONE) | self._limited
         joint_command, safety = self._safety.step(self._targets, sensor, base, reported)
@@ -213,9 +213,9 @@ class Pipeline:
             self._controllers[self.controller_name].reset()
         limits = self.config.limits
         command = clip_command(self._guidance.step(command, hand, CONTROL_PERIOD_S), limits)
-        share = bearable_share(command.mask * command.force_n, self.model, heading, limits.support_margin_m)
+        share = feasible_force_scale(command.mask * command.force_n, self.model, heading, limits.tip_over_margin_m)
         # Where the drives damp, nothing of the command acts that could be limited.
-        self._limited = Fault.SUPPORT_LIMIT if share < 1.0 and self._safety.in_control else Fault.NONE
+        self._limited = Fault.TIP_OVER_LIMIT if share < 1.0 and self._safety.in_control else Fault.NONE
         self._applied = self._filter.step(replace(command, force_n=share * command.force_n), hand, CONTROL_PERIOD_S)
 
     def _estimate(self, inputs: EstimatorInput) -> None:
@@ -228,4 +228,4 @@ class Pipeline:
     def _hand(self, base_height_m: float, heading: np.ndarray, estimate: ForceEstimate) -> HandState:
         position = self.model.end_effector_position @ heading
         position[2] += base_height_m
-        return HandState(position, heading.T @ self.model.end_effector_rotation, estimate.force_in_heading)
+        return HandState(position, heading.T @ self.model.end_effector_rotation, estimate.force_estimated_n)

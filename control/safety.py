@@ -37,7 +37,7 @@ class Fault(IntFlag):
     TORQUE_LIMIT = 32
     ESTIMATOR_STALE = 64
     CONTROLLER_ERROR = 128
-    SUPPORT_LIMIT = 256
+    TIP_OVER_LIMIT = 256
 
 
 @dataclass(frozen=True, slots=True)

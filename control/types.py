@@ -76,14 +76,14 @@ class ForceEstimate:
     """Output of a force estimator at one tick.
 
     Attributes:
-        force_in_heading: (3,) N, environment on end effector.
+        force_estimated_n: (3,) N, environment on end effector.
         wheel_forces_in_heading: (4, 3) N, ground on wheels.
         sigma_n: (3,) standard deviation, or None where the estimator gives none.
         mass_scale: estimated overall mass over nominal mass, or None.
         stale: the projection failed this tick and the last good estimate is repeated.
     """
 
-    force_in_heading: np.ndarray
+    force_estimated_n: np.ndarray
     wheel_forces_in_heading: np.ndarray
     sigma_n: np.ndarray | None = None
     mass_scale: float | None = None

@@ -85,10 +85,10 @@ def _end_effector(record: np.void) -> Json:
     return {
         "position_m": _vector(record["end_effector_position"]),
         "orientation_wxyz": _vector(record["end_effector_orientation_wxyz"]),
-        "force_estimated_n": _vector(record["force_estimated"]),
-        "force_estimates_n": {name: _vector(record["force_estimates"][index]) for name, index in _estimators(record)},
-        "force_true_n": _vector(record["force_true"]),
-        "force_sigma_n": _vector(record["force_sigma"]),
+        "force_estimated_n": _vector(record["force_estimated_n"]),
+        "force_estimates_n": {name: _vector(record["force_estimates_n"][index]) for name, index in _estimators(record)},
+        "force_true_n": _vector(record["force_true_n"]),
+        "force_sigma_n": _vector(record["force_sigma_n"]),
     }
 
 
@@ -97,8 +97,8 @@ def _contacts(record: np.void) -> list[Json]:
         {
             "wheel": leg,
             "in_contact": bool(record["wheel_in_contact"][index]),
-            "force_estimated_n": _vector(record["wheel_force_estimated"][index]),
-            "force_true_n": _vector(record["wheel_force_true"][index]),
+            "force_estimated_n": _vector(record["wheel_force_estimated_n"][index]),
+            "force_true_n": _vector(record["wheel_force_true_n"][index]),
         }
         for index, leg in enumerate(LEGS)
     ]
@@ -133,7 +133,7 @@ def loop_json(record: np.void) -> Json:
 
 def estimator_errors(record: np.void) -> dict[str, float | None]:
     """Live RMS error of every estimator against truth, N; None where there is no truth."""
-    return {name: _number(record["force_errors_rms"][index]) for name, index in _estimators(record)}
+    return {name: _number(record["force_errors_rms_n"][index]) for name, index in _estimators(record)}
 
 
 SECTIONS: dict[str, Callable[[np.void], Any]] = {

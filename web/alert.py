@@ -18,7 +18,7 @@ _FAULT_WORDS = {
     Fault.TORQUE_LIMIT: "a joint is at its torque limit",
     Fault.ESTIMATOR_STALE: "the force estimate is stale",
     Fault.CONTROLLER_ERROR: "the controller failed",
-    Fault.SUPPORT_LIMIT: "less force, or the robot would tip over",
+    Fault.TIP_OVER_LIMIT: "the commanded force is reduced, or the robot would tip over",
 }
 _BOX = "margin:0.5em 0.75em;padding:0.5em 0.75em;border-radius:4px;font-size:0.875em;color:#fff;background:{}"
 _RED, _AMBER = "#b3261e", "#8a5a00"

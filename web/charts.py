@@ -32,7 +32,7 @@ class ForceHistory:
         """Add a SNAPSHOT record when the next sample is due."""
         command = snapshot["applied_command"]
         commanded = np.where(command["mask"] == 1, command["force_n"], np.nan)
-        row = np.concatenate([snapshot["force_true"], snapshot["force_estimated"], commanded, snapshot["force_sigma"]])
+        row = np.concatenate([snapshot["force_true_n"], snapshot["force_estimated_n"], commanded, snapshot["force_sigma_n"]])
         return self._history.append(float(snapshot["time_s"]), row)
 
     def largest_n(self) -> float:
@@ -97,7 +97,7 @@ class ForceCharts:
                 chart.scales = _scales(range_n)
             chart.data = self._history.series(axis)
         self._range_n = range_n
-        has_sigma = bool(np.isfinite(snapshot["force_sigma"]).all())
+        has_sigma = bool(np.isfinite(snapshot["force_sigma_n"]).all())
         if has_sigma != self._has_sigma:
             self._has_sigma = has_sigma
             self.note.content = f'<div style="{theme.SMALL_TEXT}">{_SIGMA if has_sigma else _NO_SIGMA}</div>'

@@ -41,14 +41,14 @@ def estimators_html(snapshot: np.void) -> str:
     for index, name in enumerate(snapshot["estimator_names"]):
         if not name:
             continue
-        error = snapshot["force_errors_rms"][index]
+        error = snapshot["force_errors_rms_n"][index]
         value = f"{error:.2f} N" if np.isfinite(error) else UNAVAILABLE
         style = "font-weight:600" if name == selected else f"color:{theme.FAINT}"
         mark = " (feeds the controller)" if name == selected else ""
         rows.append(
             f'<tr style="{style}"><td>{swatch(index)}{html.escape(name.decode())}{mark}</td><td align="right">{value}</td></tr>'
         )
-    sigma, scale = snapshot["force_sigma"], snapshot["mass_scale_estimated"]
+    sigma, scale = snapshot["force_sigma_n"], snapshot["mass_scale_estimated"]
     own = [
         ("Standard deviation it states", f"{np.linalg.norm(sigma):.2f} N" if np.isfinite(sigma).all() else "not stated"),
         ("Mass it estimates", f"{scale:.2f} of nominal" if np.isfinite(scale) else "none"),
@@ -95,7 +95,7 @@ class EstimatorsPanel:
 
     def update(self, snapshot: np.void) -> None:
         """Take a SNAPSHOT record in and show it when it is due."""
-        errors = snapshot["force_errors_rms"][: self._history.values.shape[1]]
+        errors = snapshot["force_errors_rms_n"][: self._history.values.shape[1]]
         self._history.append(float(snapshot["time_s"]), errors)
         now = time.monotonic()
         if now < self._next_send_s:

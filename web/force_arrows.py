@@ -105,8 +105,8 @@ class ForceArrows:
         command = snapshot["applied_command"]
         forces = {
             "commanded": command["force_n"] * command["mask"],
-            "estimated": snapshot["force_estimated"],
-            "true": snapshot["force_true"],
+            "estimated": snapshot["force_estimated_n"],
+            "true": snapshot["force_true_n"],
         }
         to_world = rotation_from_yaw(snapshot["heading_yaw"])
         hand = snapshot["end_effector_position_in_world"]
@@ -118,14 +118,14 @@ class ForceArrows:
         self._draw_uncertainty(snapshot, hand, to_world)
 
     def _draw_others(self, snapshot: np.void, hand: np.ndarray, to_world: np.ndarray) -> None:
-        forces = snapshot["force_estimates"]
+        forces = snapshot["force_estimates_n"]
         other = (snapshot["estimator_names"] != b"") & (snapshot["estimator_names"] != snapshot["estimator"])
         sides = _FIRST_OTHER_SIDE + _OTHERS_APART * (np.cumsum(other) - 1)
         origins = hand + (sides[:, None] * np.array([sideways(force) for force in forces])) @ to_world.T
         self.others.draw(origins, METERS_PER_NEWTON * forces @ to_world.T, other & _shown(forces))
 
     def _draw_uncertainty(self, snapshot: np.void, hand: np.ndarray, to_world: np.ndarray) -> None:
-        force, sigma = snapshot["force_estimated"], snapshot["force_sigma"]
+        force, sigma = snapshot["force_estimated_n"], snapshot["force_sigma_n"]
         size = float(np.linalg.norm(force))
         if not (self.arrows["estimated"].visible and np.isfinite(sigma).all()):
             self.uncertainty.hide()

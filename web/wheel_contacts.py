@@ -61,14 +61,14 @@ class WheelContacts:
         touching = snapshot["wheel_in_contact"]
         points = snapshot["wheel_contact_position_in_world"]
         for arrows, forces, side in (
-            (self.estimated, snapshot["wheel_force_estimated"], -1.0),
-            (self.true, snapshot["wheel_force_true"], 1.0),
+            (self.estimated, snapshot["wheel_force_estimated_n"], -1.0),
+            (self.true, snapshot["wheel_force_true_n"], 1.0),
         ):
             known = np.isfinite(forces).all(axis=1) & np.isfinite(points).all(axis=1)
             arrows.draw(
                 points + (_OUTWARD + side * _APART) @ to_world.T, METERS_PER_NEWTON * forces @ to_world.T, touching & known
             )
-        self._update_cones(points, touching, outside_cone(snapshot["wheel_force_estimated"]))
+        self._update_cones(points, touching, outside_cone(snapshot["wheel_force_estimated_n"]))
 
     def _update_cones(self, points: np.ndarray, touching: np.ndarray, slipping: np.ndarray) -> None:
         if self.cones.visible != self.cones_enabled:

@@ -45,7 +45,7 @@ class CommandFilter:
             )
         on_force = command.mask > 0.5
         entering = on_force & (last.mask < 0.5)
-        force = np.where(entering, hand.force_in_heading, last.force_n)
+        force = np.where(entering, hand.force_estimated_n, last.force_n)
         self._applied = Command(
             mask=command.mask,
             force_n=np.where(on_force, _approach(force, command.force_n, self.limits.force_rate_nps * dt_s), 0.0),

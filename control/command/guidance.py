@@ -66,7 +66,7 @@ class Guidance:
         if not command.guidance:
             self.reset()
             return command
-        force = hand.force_in_heading
+        force = hand.force_estimated_n
         if self._force is None:
             self._force = np.zeros(3)
             self._rest = hand.position_in_heading

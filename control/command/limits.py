@@ -26,7 +26,7 @@ class CommandLimits:
 
     Attributes:
         force_n: on every axis. The arm carries 40 N; the wheels skid beyond it.
-        support_margin_m: distance that the centre of pressure keeps from the edges between the wheels under the force asked
+        tip_over_margin_m: distance that the centre of pressure keeps from the edges between the wheels under the force asked
             for, which is reduced as a whole where it would come nearer (control.command.tip_over). 20 N on every axis leave
             more; with less than 0.03 m the robot was seen to fall.
         position_x_m, position_y_m, position_z_m: box around the workspace in front of the trunk.
@@ -44,7 +44,7 @@ class CommandLimits:
     """
 
     force_n: Range = (-40.0, 40.0)
-    support_margin_m: float = 0.04
+    tip_over_margin_m: float = 0.04
     position_x_m: Range = (0.30, 0.80)
     position_y_m: Range = (-0.35, 0.35)
     position_z_m: Range = (0.10, 0.95)
@@ -76,12 +76,12 @@ class HandState:
     Attributes:
         position_in_heading: (3,) m.
         rotation_to_heading: (3, 3).
-        force_in_heading: (3,) N, estimated, environment on hand.
+        force_estimated_n: (3,) N, estimated, environment on hand.
     """
 
     position_in_heading: np.ndarray
     rotation_to_heading: np.ndarray
-    force_in_heading: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    force_estimated_n: np.ndarray = field(default_factory=lambda: np.zeros(3))
 
 
 def clip_command(command: Command, limits: CommandLimits) -> Command:

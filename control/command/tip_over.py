@@ -8,8 +8,8 @@ _AROUND = [0, 2, 3, 1]
 """FL, RL, RR, FR: the wheels counterclockwise, seen from above."""
 
 
-def bearable_share(
-    force_in_heading: np.ndarray, model: RobotModel, rotation_heading_to_world: np.ndarray, margin_m: float
+def feasible_force_scale(
+    force_n: np.ndarray, model: RobotModel, rotation_heading_to_world: np.ndarray, margin_m: float
 ) -> float:
     """Largest share, 0 to 1, of a force at the hand under which the centre of pressure stays within the wheels.
 
@@ -18,7 +18,7 @@ def bearable_share(
     height counts as the ground's.
 
     Args:
-        force_in_heading: (3,) N, environment on hand.
+        force_n: (3,) N, environment on hand.
         model: at the robot's configuration.
         rotation_heading_to_world: (3, 3).
         margin_m: distance from the edges.
@@ -26,7 +26,7 @@ def bearable_share(
     Returns:
         1 where the whole force can be borne; 0 where the robot tips already and the force adds to it.
     """
-    if not force_in_heading.any():
+    if not force_n.any():
         return 1.0
     contacts = model.wheel_contact_positions @ rotation_heading_to_world
     middle = contacts.mean(axis=0)
@@ -39,7 +39,7 @@ def bearable_share(
     # Load times distance within each edge, less the margin: of the weight, and what the whole force adds.
     weight = model.total_mass * GRAVITY_MPS2
     of_weight = weight * (inward @ mass_center[:2] - beyond_edge)
-    of_force = inward @ (hand[2] * force_in_heading[:2] - force_in_heading[2] * hand[:2]) + force_in_heading[2] * beyond_edge
+    of_force = inward @ (hand[2] * force_n[:2] - force_n[2] * hand[:2]) + force_n[2] * beyond_edge
     tipping = of_force < 0.0
     shares = of_weight[tipping] / -of_force[tipping]
     return float(np.clip(shares.min(initial=1.0), 0.0, 1.0))

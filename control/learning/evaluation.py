@@ -53,7 +53,7 @@ def predict(
         mass_scale = features(SIGMA_GROUPS, rollout.signals(target.features_from))[steps]
         drivers = sigma_drivers(inputs.numpy(), increments, mass_scale)
         force, sigma = scale_output(module(inputs).numpy(), drivers, manifest)
-        truth = rollout.force_true[steps]
+        truth = rollout.force_true_n[steps]
         nominal_error = None
         error = force - truth
         if target.nominal is not None:

@@ -27,7 +27,7 @@ MEASURED = {
 }
 NOMINAL = {"force": 3, "wheel_forces": 12, "residual": 28, "unexplained": 28, "mass_scale": 2}
 NOMINAL_ESTIMATORS = ("gmo_cqp", "adaptive")
-TRUTH = {"force_true": 3, "wheel_forces_true": 12, "linear_velocity_true": 3}
+TRUTH = {"force_true_n": 3, "wheel_forces_true": 12, "linear_velocity_true": 3}
 
 
 class DatasetError(ValueError):
@@ -47,9 +47,9 @@ class Rollout:
     arrays: dict[str, np.ndarray]
 
     @property
-    def force_true(self) -> np.ndarray:
+    def force_true_n(self) -> np.ndarray:
         """(T, 3) N, in heading."""
-        return self.arrays["force_true"]
+        return self.arrays["force_true_n"]
 
     def signals(self, nominal: str) -> Signals:
         """All steps stacked, (T, n) each, with the nominal quantities of one estimator."""

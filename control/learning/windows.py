@@ -37,8 +37,8 @@ def raw_features(rollout: Rollout, target: TrainingTarget) -> np.ndarray:
 def wanted_force(rollout: Rollout, target: TrainingTarget) -> np.ndarray:
     """(T, 3) N what the network should give: truth minus the nominal estimate, eq. (12), or truth."""
     if target.nominal is None:
-        return rollout.force_true
-    return rollout.force_true - rollout.arrays[f"{target.nominal}.force"]
+        return rollout.force_true_n
+    return rollout.force_true_n - rollout.arrays[f"{target.nominal}.force"]
 
 
 class WindowSet:
@@ -53,7 +53,7 @@ class WindowSet:
         Raises:
             DatasetError: rollouts of different length.
         """
-        lengths = {len(rollout.force_true) for rollout in rollouts}
+        lengths = {len(rollout.force_true_n) for rollout in rollouts}
         if len(lengths) != 1:
             raise DatasetError(f"rollouts have different lengths {sorted(lengths)}; collect them with one --duration")
         self.rollout_count, self.step_count = len(rollouts), lengths.pop()

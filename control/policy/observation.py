@@ -80,7 +80,7 @@ _PAPER_PARTS: dict[str, tuple[int, _Part]] = {
     "leg_velocity": (12, lambda s, k: k.leg_velocity * s.signals.joint_velocity[..., LEG_SLICE]),
     "wheel_velocity": (4, lambda s, k: k.wheel_velocity * s.signals.joint_velocity[..., WHEEL_SLICE]),
     "arm_velocity": (6, lambda s, k: k.arm_velocity * s.signals.joint_velocity[..., ARM_SLICE]),
-    "force_estimate": (3, lambda s, k: k.force * s.signals.force_estimate),
+    "force_estimate": (3, lambda s, k: k.force * s.signals.force_estimated_n),
     "previous_action": (JOINT_COUNT, lambda s, k: s.action),
     "gait_phase": (2, lambda s, k: np.concatenate([np.sin(s.phase), np.cos(s.phase)], axis=-1)),
 }
@@ -166,7 +166,7 @@ def task_signals(inputs: ControllerInput) -> TaskSignals:
         joint_torque=sensor.joint_torque,
         hand_position=hand_position,
         orientation_error=rotation_error(target, model.end_effector_rotation) @ heading,
-        force_estimate=inputs.force_in_heading,
+        force_estimated_n=inputs.force_estimated_n,
         mask=command.mask,
         force=command.force_n,
         position=command.position_m,

@@ -48,7 +48,7 @@ class TaskSignals:
         joint_position, joint_velocity, joint_torque: (..., 22).
         hand_position: (..., 3) m, from kinematics.
         orientation_error: (..., 3) rad, rotation vector from the hand to its reference.
-        force_estimate: (..., 3) N.
+        force_estimated_n: (..., 3) N.
         mask, force, position: (..., 3) and orientation (..., 4) wxyz, base_velocity (..., 3): the applied command.
     """
 
@@ -62,7 +62,7 @@ class TaskSignals:
     joint_torque: np.ndarray
     hand_position: np.ndarray
     orientation_error: np.ndarray
-    force_estimate: np.ndarray
+    force_estimated_n: np.ndarray
     mask: np.ndarray
     force: np.ndarray
     position: np.ndarray
@@ -83,7 +83,7 @@ class TaskSignals:
     @property
     def force_error(self) -> np.ndarray:
         """(..., 3) N, estimate minus reference, zero on position axes."""
-        return self.mask * (self.force_estimate - self.force)
+        return self.mask * (self.force_estimated_n - self.force)
 
 
 class TaskMemory:

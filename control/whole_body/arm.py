@@ -122,7 +122,7 @@ class ArmControl:
         """Share (3,), 0 to 1, of force control per axis: 0 on position axes and before contact."""
         config, command = self.config, inputs.command
         needed = config.contact_share * np.abs(command.force_n) - config.contact_noise_n
-        pressed = inputs.force_in_heading * np.sign(command.force_n)
+        pressed = inputs.force_estimated_n * np.sign(command.force_n)
         contact = np.where(needed > 0.0, np.clip(pressed / np.maximum(needed, 1e-9), 0.0, 1.0), 1.0)
         return command.mask * contact
 
@@ -186,7 +186,7 @@ class ArmControl:
 
     def _hand_force(self, inputs: ControllerInput, on_force: np.ndarray) -> np.ndarray:
         """Force (3,), N, heading frame, that the hand shall exert on the environment."""
-        config, command, measured = self.config, inputs.command, inputs.force_in_heading
+        config, command, measured = self.config, inputs.command, inputs.force_estimated_n
         error = measured - command.force_n
         near = np.clip(error, -config.force_error_limit_n, config.force_error_limit_n)
         limit = config.force_integral_limit_n / config.force_integral_gain

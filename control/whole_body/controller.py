@@ -21,14 +21,14 @@ class ControllerInput:
         base: estimated base state.
         model: robot model, updated with both.
         command: as applied, after limits, rate limits and guidance.
-        force_in_heading: (3,) N, estimated, environment on end effector.
+        force_estimated_n: (3,) N, estimated, environment on end effector.
     """
 
     sensor: SensorFrame
     base: BaseState
     model: RobotModel
     command: Command
-    force_in_heading: np.ndarray
+    force_estimated_n: np.ndarray
 
 
 class Controller(Protocol):

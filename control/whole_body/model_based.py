@@ -51,7 +51,7 @@ class ModelBasedController:
         """Joint targets (22,), see `Controller.step`; a residual policy may correct the references."""
         heading = rotation_heading_to_world(inputs.base.rotation_base_to_world)
         on_force = self._arm.on_force(inputs)
-        hand_force = on_force * inputs.command.force_n + (1.0 - on_force) * inputs.force_in_heading
+        hand_force = on_force * inputs.command.force_n + (1.0 - on_force) * inputs.force_estimated_n
         legs = self._legs.step(inputs, heading, heading @ hand_force)
         lateral = inputs.model.wheel_contact_positions @ heading[:, 1]
 

@@ -28,7 +28,7 @@ class GroundTruth:
         base_linear_velocity: (3,) m/s, of the base origin, in world.
         base_angular_velocity: (3,) rad/s, in base.
         end_effector_position: (3,) m, in world.
-        end_effector_force: (3,) N, environment on end effector (applied wrenches and contacts), in heading.
+        force_true_n: (3,) N, environment on end effector (applied wrenches and contacts), in heading.
         wheel_forces: (4, 3) N, ground on wheels, in heading.
         wheel_contact_positions: (4, 3) m, in world (the wheel's lowest point where it does not touch).
         wheel_in_contact: (4,) bool.
@@ -40,7 +40,7 @@ class GroundTruth:
     base_linear_velocity: np.ndarray
     base_angular_velocity: np.ndarray
     end_effector_position: np.ndarray
-    end_effector_force: np.ndarray
+    force_true_n: np.ndarray
     wheel_forces: np.ndarray
     wheel_contact_positions: np.ndarray
     wheel_in_contact: np.ndarray

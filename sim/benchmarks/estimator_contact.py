@@ -68,7 +68,7 @@ def plot(folder: Path, trials: Sequence[ContactTrial]) -> None:
         trial = next((trial for trial in trials if trial.plan.task == number and not trial.failure), None)
         if trial is not None:
             path = folder / f"estimator_contact_{task.name.replace(' ', '_')}.png"
-            series = [(f"{task.name}, {name}", axis, trial.force_true, trial.scores) for axis, name in enumerate("xyz")]
+            series = [(f"{task.name}, {name}", axis, trial.force_true_n, trial.scores) for axis, name in enumerate("xyz")]
             plot_estimates(path, trial.time_s, series)
 
 

@@ -43,7 +43,7 @@ class ContactTrial:
         rms_force_n: of the true force in these samples.
         ripple_n: root mean square distance of the true force at 500 Hz from its own mean over each 20 ms: the error that an
             estimate at 50 Hz has at least.
-        time_s, force_true: (n,) s and (n, 3) N of these samples.
+        time_s, force_true_n: (n,) s and (n, 3) N of these samples.
     """
 
     plan: ContactPlan
@@ -53,7 +53,7 @@ class ContactTrial:
     rms_force_n: float
     ripple_n: float
     time_s: np.ndarray
-    force_true: np.ndarray
+    force_true_n: np.ndarray
 
 
 def run_contact_trial(plan: ContactPlan) -> ContactTrial:
@@ -73,12 +73,12 @@ def run_contact_trial(plan: ContactPlan) -> ContactTrial:
         for tick in drive(backend, pipeline, task.commands(random), plan.duration_s):
             truth = backend.truth()
             panel.observe(tick.sensor, tick.output.base, tick.output.applied_command.mask, truth)
-            in_contact = bool(np.linalg.norm(truth.end_effector_force) > TOUCH_N)
+            in_contact = bool(np.linalg.norm(truth.force_true_n) > TOUCH_N)
             if in_contact:
                 touched_s = min(touched_s, tick.time_s)
             scored = tick.time_s >= touched_s + AFTER_TOUCH_S
             if scored:
-                forces.append(truth.end_effector_force)
+                forces.append(truth.force_true_n)
                 touching.append(in_contact)
             if tick.index % SAMPLE_TICKS == 0:
                 if untouchable[backend.data.contact.geom].any():
@@ -98,7 +98,7 @@ def run_contact_trial(plan: ContactPlan) -> ContactTrial:
         rms_force_n=rms_force(np.array(forces)),
         ripple_n=_ripple(np.array(forces)),
         time_s=np.array(times),
-        force_true=np.array(panel.force_true),
+        force_true_n=np.array(panel.force_true_n),
     )
 
 

@@ -24,7 +24,7 @@ class EstimatorPanel:
     """Estimators that watch one rollout, and how far each is off.
 
     Attributes:
-        force_true: (3,) N in heading at every sample that was scored.
+        force_true_n: (3,) N in heading at every sample that was scored.
     """
 
     def __init__(self, model: RobotModel, delay_ticks: int, ablations: Sequence[Ablation] = ()) -> None:
@@ -38,7 +38,7 @@ class EstimatorPanel:
         for ablation in ablations:
             group, its_model = (self._informed, self._true_model) if ablation.true_velocity else (self._estimators, model)
             group[ablation.name] = make_ablation(ablation, its_model, config)
-        self.force_true: list[np.ndarray] = []
+        self.force_true_n: list[np.ndarray] = []
         self._errors: dict[str, list[np.ndarray]] = {name: [] for name in self.names}
         self._sigmas: dict[str, list[np.ndarray]] = {name: [] for name in self.names}
 
@@ -65,16 +65,16 @@ class EstimatorPanel:
             scored: note the errors.
         """
         if scored:
-            self.force_true.append(truth.end_effector_force)
+            self.force_true_n.append(truth.force_true_n)
         for name, estimator in (self._estimators | self._informed).items():
             estimate = estimator.estimate()
             if scored:
-                self._errors[name].append(estimate.force_in_heading - truth.end_effector_force)
+                self._errors[name].append(estimate.force_estimated_n - truth.force_true_n)
                 self._sigmas[name].append(np.full(3, np.nan) if estimate.sigma_n is None else estimate.sigma_n)
 
     def scores(self) -> dict[str, Scores]:
         """Errors so far by estimator; empty where nothing was scored."""
-        if not self.force_true:
+        if not self.force_true_n:
             return {}
         return {name: Scores(np.array(self._errors[name]), np.array(self._sigmas[name])) for name in self.names}
 

@@ -53,8 +53,8 @@ def plot_bars(folder: Path, rows: Sequence[Row]) -> None:
 
 def plot_force_over_time(folder: Path, trials: Sequence[Trial]) -> None:
     """Vertical force of one trial per mass scale, as in the paper's figure."""
-    time = SETTLE_S + PERIOD_S * np.arange(len(trials[0].force_true))
-    series = [(f"mass x{trial.plan.mass_scale:g}", 2, trial.force_true, trial.scores) for trial in trials]
+    time = SETTLE_S + PERIOD_S * np.arange(len(trials[0].force_true_n))
+    series = [(f"mass x{trial.plan.mass_scale:g}", 2, trial.force_true_n, trial.scores) for trial in trials]
     plot_estimates(folder / f"estimator_force_z_{trials[0].plan.profile}.png", time, series)
 
 
@@ -70,8 +70,8 @@ def plot_estimates(path: Path, time_s: np.ndarray, series: Sequence[tuple[str, i
 
     size = (9.0, 1.2 + 2.2 * len(series))
     figure, panels = pyplot.subplots(len(series), 1, sharex=True, squeeze=False, figsize=size, layout="constrained")
-    for (title, axis, force_true, scores), panel in zip(series, panels[:, 0], strict=True):
-        truth = force_true[:, axis]
+    for (title, axis, force_true_n, scores), panel in zip(series, panels[:, 0], strict=True):
+        truth = force_true_n[:, axis]
         for name in (name for name in COLORS if name in scores):
             force = truth + scores[name].error[:, axis]
             panel.plot(time_s, force, color=COLORS[name], linewidth=0.9, label=name)

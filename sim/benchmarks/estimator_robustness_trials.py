@@ -79,7 +79,7 @@ def is_wheel_lifted(backend: MujocoBackend) -> bool:
 
 def is_pushed(backend: MujocoBackend) -> bool:
     """Whether a force acts on the hand."""
-    return bool(backend.truth().end_effector_force.any())
+    return bool(backend.truth().force_true_n.any())
 
 
 def forward(_: float) -> Command:

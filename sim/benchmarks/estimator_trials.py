@@ -32,7 +32,7 @@ class Trial:
         plan: as asked.
         rejected: reasons of the attempts that were drawn again.
         scores: by estimator; empty where every attempt was rejected.
-        force_true: (n, 3) N in heading at 50 Hz from SETTLE_S on.
+        force_true_n: (n, 3) N in heading at 50 Hz from SETTLE_S on.
         rms_force_n, rms_slope_nps: of the planned force.
         lag_only_n: vector RMSE of lag alone, by model-based estimator.
     """
@@ -40,7 +40,7 @@ class Trial:
     plan: RolloutPlan
     rejected: tuple[str, ...]
     scores: dict[str, Scores]
-    force_true: np.ndarray
+    force_true_n: np.ndarray
     rms_force_n: float
     rms_slope_nps: float
     lag_only_n: dict[str, float]
@@ -88,7 +88,7 @@ def run_trial(plan: RolloutPlan, ablations: Sequence[Ablation] = ()) -> Trial:
         plan,
         rejected,
         {} if panel is None else panel.scores(),
-        np.zeros((0, 3)) if panel is None else np.array(panel.force_true),
+        np.zeros((0, 3)) if panel is None else np.array(panel.force_true_n),
         rms_force(force),
         rms_slope(force, TICK_S),
         {name: rms_force(error) for name, error in lags.items()},

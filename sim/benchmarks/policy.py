@@ -127,7 +127,7 @@ def inference_ms(setup: TrialSetup) -> float:
         base=output.base,
         model=pipeline.model,
         command=output.applied_command,
-        force_in_heading=output.hand.force_in_heading,
+        force_estimated_n=output.hand.force_estimated_n,
     )
     controller, times = pipeline.controllers[setup.controller], []
     for _ in range(INFERENCE_REPEATS):

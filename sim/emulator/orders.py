@@ -41,7 +41,7 @@ def report(emulator: Emulator) -> dict[str, Any]:
     return {
         "time_s": emulator.body.time_s,
         "base_position_m": truth.base_position.tolist(),
-        "hand_force_n": truth.end_effector_force.tolist(),
+        "hand_force_n": truth.force_true_n.tolist(),
         "motion_program": emulator.base.mode,
         "frames_obeyed": emulator.base.accepted,
         "stiffness_max": float(command.stiffness.max()),

@@ -118,7 +118,7 @@ class HardwareSession(Session):
         record["dry_run"] = hardware.config.dry_run
         if hardware.state != DriveState.POLICY:
             record["faults"] = 0  # of a pipeline that only watches
-        for name in ("mass_scale_true", "drag_target_in_world", "drag_force"):
+        for name in ("mass_scale_true", "drag_target_in_world", "drag_force_n"):
             record[name] = np.nan
         record["drag_active"] = False
 

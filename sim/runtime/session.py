@@ -196,7 +196,7 @@ class Session:
             estimate = self._output.estimates.get(name)
             if estimate is None:
                 continue
-            error = estimate.force_in_heading - truth.end_effector_force
+            error = estimate.force_estimated_n - truth.force_true_n
             power = float(error @ error)
             last = self._error_power[index]
             self._error_power[index] = power if np.isnan(last) else last + weight * (power - last)
@@ -218,8 +218,8 @@ class Session:
         write_robot(record, self._sensor, output, truth)
         write_forces(record, output, truth, names, selected)
         write_policy(record, self.pipeline.controllers[self.pipeline.controller_name])
-        record["force_errors_rms"] = np.nan
-        record["force_errors_rms"][: len(names)] = np.sqrt(self._error_power)
+        record["force_errors_rms_n"] = np.nan
+        record["force_errors_rms_n"][: len(names)] = np.sqrt(self._error_power)
         self._fill_simulation(record)
 
     def _fill_simulation(self, record: np.void) -> None:
@@ -228,4 +228,4 @@ class Session:
         record["drag_active"] = self._drag_target is not None
         record["drag_target_in_world"] = np.nan if self._drag_target is None else self._drag_target
         heading = rotation_z(float(record["heading_yaw"]))
-        record["drag_force"] = self.backend.wrenches.drag_force_in_world @ heading
+        record["drag_force_n"] = self.backend.wrenches.drag_force_in_world @ heading

@@ -65,15 +65,15 @@ SNAPSHOT = np.dtype(
         ("end_effector_position_in_world", "f8", 3),
         ("target_position_in_world", "f8", 3),  # applied position target, for the gizmo
         ("heading_yaw", "f8"),  # rad, heading frame in world
-        ("force_estimated", "f8", 3),  # by the selected estimator, in heading
-        ("force_sigma", "f8", 3),
-        ("force_true", "f8", 3),
+        ("force_estimated_n", "f8", 3),  # by the selected estimator, in heading
+        ("force_sigma_n", "f8", 3),
+        ("force_true_n", "f8", 3),
         ("estimator_names", "S16", MAX_ESTIMATORS),
-        ("force_estimates", "f8", (MAX_ESTIMATORS, 3)),
-        ("force_errors_rms", "f8", MAX_ESTIMATORS),  # N, last seconds, vector error against truth
+        ("force_estimates_n", "f8", (MAX_ESTIMATORS, 3)),
+        ("force_errors_rms_n", "f8", MAX_ESTIMATORS),  # N, last seconds, vector error against truth
         ("wheel_in_contact", "?", len(LEGS)),
-        ("wheel_force_estimated", "f8", (len(LEGS), 3)),
-        ("wheel_force_true", "f8", (len(LEGS), 3)),
+        ("wheel_force_estimated_n", "f8", (len(LEGS), 3)),
+        ("wheel_force_true_n", "f8", (len(LEGS), 3)),
         ("wheel_contact_position_in_world", "f8", (len(LEGS), 3)),
         ("policy_form", "S16"),  # observation form of the selected policy (control.policy.observation), empty without one
         ("policy_observation", "f4", MAX_OBSERVATION),
@@ -85,7 +85,7 @@ SNAPSHOT = np.dtype(
         ("object_orientation_wxyz", "f8", (MAX_OBJECTS, 4)),
         ("drag_active", "?"),
         ("drag_target_in_world", "f8", 3),
-        ("drag_force", "f8", 3),  # in heading
+        ("drag_force_n", "f8", 3),  # in heading
         ("loop_rate_hz", "f8"),
         ("real_time_factor", "f8"),
         ("overruns", "u8"),

@@ -46,23 +46,23 @@ def write_forces(
 ) -> None:
     """Estimated and true forces of a SNAPSHOT record, for estimators `names` of which `selected` feeds the controller."""
     record["estimator_names"] = [*names] + [""] * (len(record["estimator_names"]) - len(names))
-    record["force_estimates"] = np.nan
+    record["force_estimates_n"] = np.nan
     for index, name in enumerate(names):
         if name in output.estimates:
-            record["force_estimates"][index] = output.estimates[name].force_in_heading
+            record["force_estimates_n"][index] = output.estimates[name].force_estimated_n
     estimate = output.estimates[selected]
-    record["force_estimated"] = estimate.force_in_heading
-    record["force_sigma"] = np.nan if estimate.sigma_n is None else estimate.sigma_n
-    record["wheel_force_estimated"] = estimate.wheel_forces_in_heading
+    record["force_estimated_n"] = estimate.force_estimated_n
+    record["force_sigma_n"] = np.nan if estimate.sigma_n is None else estimate.sigma_n
+    record["wheel_force_estimated_n"] = estimate.wheel_forces_in_heading
     record["mass_scale_estimated"] = np.nan if estimate.mass_scale is None else estimate.mass_scale
     if truth is None:
-        record["force_true"] = record["wheel_force_true"] = np.nan
+        record["force_true_n"] = record["wheel_force_true_n"] = np.nan
         record["wheel_in_contact"] = estimate.wheel_forces_in_heading[:, 2] > LOADED_WHEEL_N
         record["wheel_contact_position_in_world"] = np.nan
         record["object_count"] = 0
         return
-    record["force_true"] = truth.end_effector_force
-    record["wheel_force_true"] = truth.wheel_forces
+    record["force_true_n"] = truth.force_true_n
+    record["wheel_force_true_n"] = truth.wheel_forces
     record["wheel_in_contact"] = truth.wheel_in_contact
     record["wheel_contact_position_in_world"] = truth.wheel_contact_positions
     count = min(len(truth.object_positions), MAX_OBJECTS)

@@ -117,12 +117,12 @@ class CommandSource:
         self._led_force[ids], self._rest[ids] = 0.0, hand_position
         self.constant_force[ids], self.wave_amplitude[ids], self.wave_rate[ids] = force, amplitude, rate
 
-    def advance(self, hand_position: np.ndarray, hand_force: np.ndarray, dt_s: float) -> None:
+    def advance(self, hand_position: np.ndarray, force_estimated_n: np.ndarray, dt_s: float) -> None:
         """Time passes: swinging forces move on, led robots follow (control.command.guidance).
 
         Args:
             hand_position: (n, 3) m, measured, in heading.
-            hand_force: (n, 3) N, estimated, in heading.
+            force_estimated_n: (n, 3) N, estimated, in heading.
             dt_s: control period.
         """
         self.time_s += dt_s
@@ -131,11 +131,11 @@ class CommandSource:
         self.commands.force = self.constant_force + self.wave_amplitude * wave
         led = np.flatnonzero(self.kind == LEAD)
         if led.size:
-            self._follow(led, hand_position[led], hand_force[led], dt_s)
+            self._follow(led, hand_position[led], force_estimated_n[led], dt_s)
 
-    def _follow(self, led: np.ndarray, hand_position: np.ndarray, hand_force: np.ndarray, dt_s: float) -> None:
+    def _follow(self, led: np.ndarray, hand_position: np.ndarray, force_estimated_n: np.ndarray, dt_s: float) -> None:
         config = self._guidance
-        self._led_force[led] += min(1.0, dt_s / config.smoothing_s) * (hand_force - self._led_force[led])
+        self._led_force[led] += min(1.0, dt_s / config.smoothing_s) * (force_estimated_n - self._led_force[led])
         force = self._led_force[led]
         size = np.hypot(force[:, 0], force[:, 1])
         excess = np.maximum(0.0, size - config.dead_band_n) / np.maximum(size, 1e-9)

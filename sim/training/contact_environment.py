@@ -21,7 +21,7 @@ DRY_FRICTION_SPEED_MPS = 0.03
 
 
 @dataclass(frozen=True, slots=True)
-class SurroundingRanges:
+class ContactRanges:
     """Attributes:
     stiffness: N/m, log-uniform; at least so stiff that the force asked for stretches it by `longest_stretch_m`.
     stiff: N/m, of what TOUCH and SLIDE segments press on.
@@ -61,12 +61,10 @@ class SurroundingRanges:
     limit_n: float = 45.0
 
 
-class Surroundings:
+class ContactEnvironment:
     """Forces on the hands, from the state of the segments' start on."""
 
-    def __init__(
-        self, robot: BatchedRobot, source: CommandSource, ranges: SurroundingRanges, random: np.random.Generator
-    ) -> None:
+    def __init__(self, robot: BatchedRobot, source: CommandSource, ranges: ContactRanges, random: np.random.Generator) -> None:
         self._robot, self._source, self._ranges, self._random = robot, source, ranges, random
         count = robot.count
         self._stiffness, self._damping, self._viscous, self._dry, self._fence = _vectors(count, 5)

@@ -1,6 +1,6 @@
 """The training environment: many robots under random commands, seen as the policy sees one (control.policy.observation).
 
-One `step`: targets -> two physics steps with the surroundings' forces -> reward from truth -> new references, estimate and
+One `step`: targets -> two physics steps with the contacts' forces -> reward from truth -> new references, estimate and
 observation. What the policy and the teacher get carries sensor noise and the estimator's errors; only rewards and the
 critic's privileged part see truth.
 """
@@ -25,7 +25,7 @@ from sim.training.batch_rotations import (
     rotations_from_quaternions,
 )
 from sim.training.commands import LEAD, SLIDE, CommandRanges, CommandSource
-from sim.training.contact_environment import SurroundingRanges, Surroundings
+from sim.training.contact_environment import ContactEnvironment, ContactRanges
 from sim.training.references import BatchedReferences
 from sim.training.rewards import RewardInput, RewardScales, rewards
 from sim.training.robot import SUBSTEPS, BatchedRobot, Randomization
@@ -65,7 +65,7 @@ class TrainingEnvConfig:
     fallen_gravity_z: float = -0.75
     fallen_height_m: float = 0.2
     commands: CommandRanges = field(default_factory=CommandRanges)
-    surroundings: SurroundingRanges = field(default_factory=SurroundingRanges)
+    contacts: ContactRanges = field(default_factory=ContactRanges)
     randomization: Randomization = field(default_factory=Randomization)
     noise: SensorNoise = field(default_factory=SensorNoise)
     rewards: RewardScales = field(default_factory=RewardScales)
@@ -105,7 +105,7 @@ class TrainingEnv:
         self.robot = BatchedRobot(count, config.threads, config.randomization, random)
         self.source = CommandSource(count, config.commands, random)
         self.references = BatchedReferences(count, CommandLimits())
-        self.surroundings = Surroundings(self.robot, self.source, config.surroundings, random)
+        self.contacts = ContactEnvironment(self.robot, self.source, config.contacts, random)
         surrogate = config.surrogate or fitted_surrogate()
         self.estimator = EstimatorSurrogate(surrogate, self.robot.mass_scale, random)
         self._corrects = config.form == RESIDUAL_FORM
@@ -149,7 +149,7 @@ class TrainingEnv:
         robot.set_targets(self._nominal + self.action_scale * action)
         mean_force = np.zeros_like(self._hand_force)
         for substep in range(SUBSTEPS):
-            force = self.surroundings.force()
+            force = self.contacts.force()
             robot.apply_hand_force(force)
             robot.step(refresh=substep == SUBSTEPS - 1)
             mean_force += force / SUBSTEPS
@@ -189,7 +189,7 @@ class TrainingEnv:
 
     def _draw(self, ids: np.ndarray) -> None:
         self.source.draw(ids, self._measured_hand(ids), self._hand_orientation(ids))
-        self.surroundings.draw(ids)
+        self.contacts.draw(ids)
 
     def _measured_hand(self, ids: np.ndarray | slice = _ALL) -> np.ndarray:
         """Hands (m, 3) in heading, as kinematics give them: height above the wheels' contact points."""
@@ -253,7 +253,7 @@ class TrainingEnv:
             hand_position=self._hand[ids],
             orientation_error=rotate_back(heading, rotation_errors(target, robot.hand_rotation[ids]))
             + self._noise(noise.hand_orientation_rad, 3, count),
-            force_estimate=self.estimator.force[ids],
+            force_estimated_n=self.estimator.force[ids],
             mask=references.mask[ids],
             force=references.force[ids],
             position=references.position[ids],
@@ -276,7 +276,7 @@ class TrainingEnv:
             0.1 * self._hand_force,
             0.2 * force_error,
             arm,
-            self.surroundings.stiffness_of_force_axes() * 0.002,
+            self.contacts.stiffness_of_force_axes() * 0.002,
             5.0 * (robot.mass_scale[:, None] - 1.0),
         ]
         return np.clip(np.concatenate(parts, axis=1, dtype=np.float32, casting="same_kind"), -8.0, 8.0)

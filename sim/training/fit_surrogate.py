@@ -47,8 +47,8 @@ def record(seed: int, seconds: float, mass_scale: float, estimator: str) -> Esti
         wrench = trial.session.backend.wrenches.add(segment.spring)
         for _ in trial.run(segment.command, segment.duration_s):
             truth = trial.truth
-            truths.append(truth.end_effector_force)
-            estimates.append(trial.session.output.hand.force_in_heading)
+            truths.append(truth.force_true_n)
+            estimates.append(trial.session.output.hand.force_estimated_n)
             forward = truth.base_linear_velocity @ truth.rotation_heading_to_world[:, 0]
             velocities.append((forward, truth.base_angular_velocity[2]))
         trial.session.backend.wrenches.remove(wrench)

@@ -27,18 +27,18 @@ class BatchedReferences:
             array[ids] = 0.0
         self.position[ids], self.orientation[ids] = hand_position, hand_orientation
 
-    def step(self, command: "Commands", hand_position: np.ndarray, hand_force: np.ndarray, dt_s: float) -> None:
+    def step(self, command: "Commands", hand_position: np.ndarray, force_estimated_n: np.ndarray, dt_s: float) -> None:
         """Move towards the commands.
 
         Args:
             command: as asked, already within the limits.
             hand_position: (n, 3) m, measured, in heading.
-            hand_force: (n, 3) N, estimated, in heading.
+            force_estimated_n: (n, 3) N, estimated, in heading.
             dt_s: control period.
         """
         limits = self._limits
         on_force = command.mask > 0.5
-        start = np.where(on_force & (self.mask < 0.5), hand_force, self.force)
+        start = np.where(on_force & (self.mask < 0.5), force_estimated_n, self.force)
         change = limits.force_rate_nps * dt_s
         self.force = np.where(on_force, _approach(start, command.force, change), 0.0)
         self._move(command.position, on_force, hand_position, dt_s)

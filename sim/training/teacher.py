@@ -134,7 +134,7 @@ class BatchedTeacher:
 
         near = np.clip(signals.force_error, -config.force_error_limit_n, config.force_error_limit_n)
         regulation = config.force_gain * near + config.force_integral_gain * memory.force_integral - signals.force
-        load = np.clip(config.load_gain * signals.force_estimate, -config.load_limit_n, config.load_limit_n)
+        load = np.clip(config.load_gain * signals.force_estimated_n, -config.load_limit_n, config.load_limit_n)
         regulation += correction.hand_force
         hand_force = on_force * regulation - (1.0 - on_force) * load + config.integral_gain * memory.position_integral
         force = rotate(heading, hand_force)
@@ -151,7 +151,7 @@ class BatchedTeacher:
         """Share (n, 3), 0 to 1, of force control per axis."""
         config = self._arm
         needed = config.contact_share * np.abs(signals.force) - config.contact_noise_n
-        pressed = signals.force_estimate * np.sign(signals.force)
+        pressed = signals.force_estimated_n * np.sign(signals.force)
         contact = np.where(needed > 0.0, np.clip(pressed / np.maximum(needed, 1e-9), 0.0, 1.0), 1.0)
         return signals.mask * contact
 
@@ -159,7 +159,7 @@ class BatchedTeacher:
         """Leg targets (n, 12), wheel torques (n, 4) of the balance, and support (n,) of the least loaded wheel."""
         config, robot = self._legs, self._robot
         on_force = self._on_force(signals)
-        expected = on_force * signals.force + (1.0 - on_force) * signals.force_estimate
+        expected = on_force * signals.force + (1.0 - on_force) * signals.force_estimated_n
         forces = self._ground_forces(signals, rotate(robot.rotation_heading_to_world, expected))
         wheel_torque = gravity[:, WHEEL_SLICE] - self._contact_torque(forces, WHEEL_SLICE)
         excess = (signals.joint_torque[:, WHEEL_SLICE] - wheel_torque) @ _LEFT_MINUS_RIGHT / (4.0 * WHEEL_RADIUS_M)

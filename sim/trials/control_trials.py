@@ -194,9 +194,9 @@ def random_run(seed: int, minutes: float, progress: Callable[[str], None]) -> Tr
         for elapsed in trial.run(command, segment.duration_s):
             truth = trial.truth
             if elapsed > SWITCH_S:
-                error = truth.end_effector_force - command.force_n
+                error = truth.force_true_n - command.force_n
                 tracking.force.setdefault(level, []).append(np.where(on_force, error, np.nan))
-                tracking.estimate.append(trial.session.output.hand.force_in_heading - truth.end_effector_force)
+                tracking.estimate.append(trial.session.output.hand.force_estimated_n - truth.force_true_n)
                 forward = truth.base_linear_velocity @ truth.rotation_heading_to_world[:, 0]
                 tracking.forward.append(float(forward - command.base_velocity[0]))
                 tracking.yaw.append(float(truth.base_angular_velocity[2] - command.base_velocity[2]))

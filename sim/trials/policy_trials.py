@@ -70,7 +70,7 @@ class ReplacedForce:
 
     def step(self, inputs: ControllerInput) -> np.ndarray:
         """See `Controller.step`."""
-        return self._controller.step(replace(inputs, force_in_heading=self._force()))
+        return self._controller.step(replace(inputs, force_estimated_n=self._force()))
 
 
 class ControllerTrial(Trial):
@@ -99,7 +99,7 @@ class ControllerTrial(Trial):
         if name == "zero":
             return lambda: np.zeros(3)
         if name == "truth":
-            return lambda: self.truth.end_effector_force
+            return lambda: self.truth.force_true_n
         raise ValueError(f"force input {name!r} is none of 'estimate', 'truth', 'zero'")
 
 
@@ -174,13 +174,13 @@ def _run_segment(
     elapsed = 0.0
     for elapsed in trial.run(command, seconds):
         truth, output = trial.truth, trial.session.output
-        error = truth.end_effector_force - command.force_n
+        error = truth.force_true_n - command.force_n
         if elapsed <= SWITCH_S:
-            applied = truth.end_effector_force - output.applied_command.force_n
+            applied = truth.force_true_n - output.applied_command.force_n
             beyond = np.maximum(beyond, np.abs(applied) * on_force * (last_mask < 0.5))
         else:
             force.append(np.where(on_force, error, np.nan))
-            errors.estimate.append(output.hand.force_in_heading - truth.end_effector_force)
+            errors.estimate.append(output.hand.force_estimated_n - truth.force_true_n)
             forward = truth.base_linear_velocity @ truth.rotation_heading_to_world[:, 0]
             errors.forward.append(float(forward - command.base_velocity[0]))
             errors.yaw.append(float(truth.base_angular_velocity[2] - command.base_velocity[2]))
@@ -243,9 +243,9 @@ def drag_box(setup: TrialSetup, seed: int) -> DragResult:
         if step * 0.02 < 0.5:
             continue
         truth = trial.truth
-        errors.append(truth.end_effector_force[1:] - command.force_n[1:])
+        errors.append(truth.force_true_n[1:] - command.force_n[1:])
         places.append(float(truth.object_positions[0, 1]))
-        contact.append(truth.end_effector_force[2] > 0.5)
+        contact.append(truth.force_true_n[2] > 0.5)
         if trial.fallen:
             break
     error_y, error_z = np.sqrt(np.mean(np.square(errors), axis=0))

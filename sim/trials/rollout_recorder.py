@@ -39,7 +39,7 @@ def record_rollout(plan: RolloutPlan) -> Recording:
     arrays, seed, rejected = first_accepted(plan, _record)
     if arrays is None:
         return Recording(plan, plan.seed, rejected, {}, float("nan"), float("nan"))
-    force = arrays["force_true"]
+    force = arrays["force_true_n"]
     return Recording(plan, seed, rejected, arrays, rms_force(force), rms_slope(force, PERIOD_S))
 
 
@@ -68,7 +68,7 @@ def _row(runner: RolloutRunner, tick: Tick) -> dict[str, np.ndarray]:
         row |= {f"{name}.{quantity}": getattr(signals, f"nominal_{quantity}") for quantity in NOMINAL}
         row |= {quantity: getattr(signals, quantity) for quantity in MEASURED}
     truth = runner.backend.truth()
-    row["force_true"] = truth.end_effector_force
+    row["force_true_n"] = truth.force_true_n
     row["wheel_forces_true"] = truth.wheel_forces.reshape(-1)
     row["linear_velocity_true"] = truth.rotation_heading_to_world.T @ truth.base_linear_velocity
     return row

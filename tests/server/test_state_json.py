@@ -17,9 +17,9 @@ def on_hardware() -> np.void:
     record["mode"] = Mode.RUNNING
     record["faults"] = Fault.TILT | Fault.STALE_SETPOINT
     record["estimator_names"][:2] = ("gmo_pi", "gmo_cqp")
-    record["force_estimates"][1] = np.nan
-    record["force_errors_rms"][:] = np.nan
-    for name in ("force_true", "force_sigma", "wheel_force_true", "mass_scale_true", "mass_scale_estimated"):
+    record["force_estimates_n"][1] = np.nan
+    record["force_errors_rms_n"][:] = np.nan
+    for name in ("force_true_n", "force_sigma_n", "wheel_force_true_n", "mass_scale_true", "mass_scale_estimated"):
         record[name] = np.nan
     return record
 
@@ -34,7 +34,7 @@ def test_missing_truth_is_null(on_hardware: np.void) -> None:
 
 
 def test_a_stated_uncertainty_is_given_per_axis(on_hardware: np.void) -> None:
-    on_hardware["force_sigma"] = [0.1, 0.2, 0.3]
+    on_hardware["force_sigma_n"] = [0.1, 0.2, 0.3]
     assert state_json(on_hardware)["end_effector"]["force_sigma_n"] == [0.1, 0.2, 0.3]
 
 

@@ -108,7 +108,7 @@ def test_a_rollout_repeats_exactly_and_records_what_acts() -> None:
     for name, array in first.arrays.items():
         assert len(array) == round(1.4 / PERIOD_S)
         np.testing.assert_array_equal(array, second.arrays[name])
-    force = first.arrays["force_true"]
+    force = first.arrays["force_true_n"]
     assert np.abs(force[:20]).max() < 1e-6 and np.abs(force[-1]).max() > 1.0
     weight = first.arrays["wheel_forces_true"].reshape(-1, 4, 3).sum(axis=1)[15:25, 2].mean()
     assert weight == pytest.approx(1.2 * 9.81 * RobotModel().total_mass, rel=0.02)
@@ -116,7 +116,7 @@ def test_a_rollout_repeats_exactly_and_records_what_acts() -> None:
 
 def test_springs_answer_motion() -> None:
     plan = RolloutPlan(0, "train", seed=5, profile="spring", mass_scale=1.0, duration_s=1.5)
-    force = record_rollout(plan).arrays["force_true"]
+    force = record_rollout(plan).arrays["force_true_n"]
     assert np.abs(force).max() > 1.0
 
 
@@ -141,7 +141,7 @@ def test_collection_resumes_and_refuses_another_data_set(tmp_path: Path) -> None
     assert again["rollouts"] == manifest["rollouts"] == json.loads((tmp_path / "manifest.json").read_text())["rollouts"]
     after = {path: path.stat().st_mtime_ns for path in tmp_path.glob("rollouts/*.npz")}
     assert [path for path in after if after[path] != before[path]] == [gone]
-    assert len(load_split(tmp_path, "train")[0].force_true) == 15
+    assert len(load_split(tmp_path, "train")[0].force_true_n) == 15
     with pytest.raises(CollectionError, match="--output"):
         collect(tmp_path, seed=2, rollouts=3, duration_s=0.3)
 

@@ -26,16 +26,16 @@ def snapshot() -> np.void:
     record["backend"], record["scene"] = b"simulation", b"free"
     record["controller"], record["estimator"] = b"model_based", b"adaptive"
     record["estimator_names"][:2] = [b"gmo_pi", b"adaptive"]
-    record["force_errors_rms"] = np.nan
-    record["force_errors_rms"][:2] = [3.25, 0.5]
+    record["force_errors_rms_n"] = np.nan
+    record["force_errors_rms_n"][:2] = [3.25, 0.5]
     record["base_position"] = [0.0, 0.0, NOMINAL_BASE_HEIGHT_M]
     record["base_orientation_wxyz"] = [1.0, 0.0, 0.0, 0.0]
     record["joint_position"] = NOMINAL_POSITION
     record["end_effector_position_in_world"] = DEFAULT_COMMAND.position_m
     record["target_position_in_world"] = DEFAULT_COMMAND.position_m
-    record["force_estimated"], record["force_true"] = [0.0, 0.0, 10.0], [0.0, 0.0, 10.0]
+    record["force_estimated_n"], record["force_true_n"] = [0.0, 0.0, 10.0], [0.0, 0.0, 10.0]
     record["wheel_in_contact"] = True
-    record["wheel_force_estimated"] = record["wheel_force_true"] = [0.0, 0.0, 45.0]
+    record["wheel_force_estimated_n"] = record["wheel_force_true_n"] = [0.0, 0.0, 45.0]
     record["mass_scale_estimated"], record["mass_scale_true"], record["speed"] = np.nan, 1.0, 1.0
     return record
 

@@ -17,7 +17,7 @@ def feed(history: ForceHistory, snapshot: np.void, times: np.ndarray) -> int:
     taken = 0
     for now in times:
         snapshot["time_s"] = now
-        snapshot["force_true"] = [np.sin(now), 0.0, 5.0]
+        snapshot["force_true_n"] = [np.sin(now), 0.0, 5.0]
         taken += history.append(snapshot)
     return taken
 
@@ -65,9 +65,9 @@ def test_an_empty_history_has_no_force(history: ForceHistory) -> None:
 def test_the_band_spans_what_the_estimator_states_and_nothing_where_it_states_nothing(
     history: ForceHistory, snapshot: np.void
 ) -> None:
-    snapshot["force_estimated"] = [1.0, 2.0, 10.0]
+    snapshot["force_estimated_n"] = [1.0, 2.0, 10.0]
     for now, sigma in ((0.0, 0.5), (0.1, np.nan)):
-        snapshot["time_s"], snapshot["force_sigma"] = now, [9.0, 9.0, sigma]
+        snapshot["time_s"], snapshot["force_sigma_n"] = now, [9.0, 9.0, sigma]
         history.append(snapshot)
     *_, upper, lower = history.series(2)
     np.testing.assert_allclose(upper[-2:], [10.0 + SHOWN_SIGMAS * 0.5, 10.0])
@@ -76,6 +76,6 @@ def test_the_band_spans_what_the_estimator_states_and_nothing_where_it_states_no
 
 def test_the_charts_say_whether_there_is_an_uncertainty(server: viser.ViserServer, snapshot: np.void) -> None:
     charts = ForceCharts(server.gui)
-    snapshot["force_sigma"] = np.nan
+    snapshot["force_sigma_n"] = np.nan
     charts.update(snapshot)
     assert "does not state" in charts.note.content

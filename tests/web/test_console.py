@@ -36,7 +36,13 @@ def test_every_mode_is_drawn(console: Console, snapshot: np.void, mode: Mode) ->
 
 def test_a_snapshot_of_hardware_has_no_truth_and_is_drawn(console: Console, snapshot: np.void) -> None:
     snapshot["backend"], snapshot["scene"] = b"hardware", b"robot"
-    for name in ("force_true", "wheel_force_true", "mass_scale_true", "wheel_contact_position_in_world", "force_errors_rms"):
+    for name in (
+        "force_true_n",
+        "wheel_force_true_n",
+        "mass_scale_true",
+        "wheel_contact_position_in_world",
+        "force_errors_rms_n",
+    ):
         snapshot[name] = np.nan
     console.draw(snapshot)
     console.draw(None)

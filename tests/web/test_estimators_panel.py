@@ -17,16 +17,16 @@ def test_each_is_compared_with_the_truth_and_the_selected_one_is_marked(snapshot
 
 
 def test_without_truth_an_error_is_unavailable(snapshot: np.void) -> None:
-    snapshot["force_errors_rms"] = np.nan
+    snapshot["force_errors_rms_n"] = np.nan
     text = estimators_html(snapshot)
     assert text.count(UNAVAILABLE) == 2
     assert "nan" not in text
 
 
 def test_what_the_selected_one_states_is_shown_or_said_to_be_missing(snapshot: np.void) -> None:
-    snapshot["force_sigma"] = np.nan
+    snapshot["force_sigma_n"] = np.nan
     assert "not stated" in estimators_html(snapshot)
-    snapshot["force_sigma"], snapshot["mass_scale_estimated"] = [0.3, 0.4, 1.2], 1.17
+    snapshot["force_sigma_n"], snapshot["mass_scale_estimated"] = [0.3, 0.4, 1.2], 1.17
     text = estimators_html(snapshot)
     assert "1.30 N" in text
     assert "1.17 of nominal" in text

@@ -24,7 +24,7 @@ def segment(arrows: Arrows) -> np.ndarray:
 
 def test_an_arrow_is_the_force_to_scale_turned_from_heading_to_world(arrows: ForceArrows, snapshot: np.void) -> None:
     snapshot["heading_yaw"] = np.pi / 2
-    snapshot["force_estimated"] = [10.0, 0.0, 0.0]
+    snapshot["force_estimated_n"] = [10.0, 0.0, 0.0]
     arrows.update(snapshot)
     start, end = segment(arrows.arrows["estimated"])
     np.testing.assert_allclose(start, snapshot["end_effector_position_in_world"], atol=1e-6)
@@ -34,7 +34,7 @@ def test_an_arrow_is_the_force_to_scale_turned_from_heading_to_world(arrows: For
 @pytest.mark.parametrize("direction", DIRECTIONS)
 def test_equal_forces_stand_side_by_side(arrows: ForceArrows, snapshot: np.void, direction: np.ndarray) -> None:
     force = 15.0 * direction / np.linalg.norm(direction)
-    snapshot["force_estimated"] = snapshot["force_true"] = snapshot["applied_command"]["force_n"] = force
+    snapshot["force_estimated_n"] = snapshot["force_true_n"] = snapshot["applied_command"]["force_n"] = force
     snapshot["applied_command"]["mask"] = 1
     arrows.update(snapshot)
     starts = np.array([segment(arrows.arrows[name])[0] for name in ("commanded", "estimated", "true")])
@@ -56,14 +56,14 @@ def test_only_force_axes_have_a_commanded_force(arrows: ForceArrows, snapshot: n
 def test_unknown_and_negligible_forces_are_not_drawn(arrows: ForceArrows, snapshot: np.void, force: list[float]) -> None:
     arrows.update(snapshot)
     assert arrows.arrows["true"].visible
-    snapshot["force_true"] = force
+    snapshot["force_true_n"] = force
     arrows.update(snapshot)
     assert not arrows.arrows["true"].visible
 
 
 def test_nothing_is_drawn_without_a_live_snapshot(arrows: ForceArrows, snapshot: np.void) -> None:
     arrows.others.enabled = True
-    snapshot["force_sigma"] = 0.5
+    snapshot["force_sigma_n"] = 0.5
     arrows.update(snapshot)
     arrows.hide()
     assert not any(each.visible for each in (*arrows.arrows.values(), arrows.others, arrows.uncertainty.mesh))
@@ -71,8 +71,8 @@ def test_nothing_is_drawn_without_a_live_snapshot(arrows: ForceArrows, snapshot:
 
 def test_the_other_estimates_show_on_demand_beside_each_other(arrows: ForceArrows, snapshot: np.void) -> None:
     snapshot["estimator_names"][:4] = [b"gmo_pi", b"adaptive", b"tcn", b"hybrid"]
-    snapshot["force_estimates"] = np.nan
-    snapshot["force_estimates"][[0, 1, 3]] = [[0.0, 0.0, 8.0], [0.0, 0.0, 10.0], [0.0, 0.0, 12.0]]
+    snapshot["force_estimates_n"] = np.nan
+    snapshot["force_estimates_n"][[0, 1, 3]] = [[0.0, 0.0, 8.0], [0.0, 0.0, 10.0], [0.0, 0.0, 12.0]]
     arrows.update(snapshot)
     assert not arrows.others.visible
     arrows.others.enabled = True
@@ -89,7 +89,7 @@ def test_the_other_estimates_show_on_demand_beside_each_other(arrows: ForceArrow
 def test_the_cone_is_as_wide_as_the_estimate_is_uncertain(arrows: ForceArrows, snapshot: np.void) -> None:
     cone = arrows.uncertainty.mesh
     snapshot["heading_yaw"] = np.pi / 2
-    snapshot["force_estimated"], snapshot["force_sigma"] = [10.0, 0.0, 0.0], [0.5, 3.0, 3.0]
+    snapshot["force_estimated_n"], snapshot["force_sigma_n"] = [10.0, 0.0, 0.0], [0.5, 3.0, 3.0]
     arrows.update(snapshot)
     assert cone.visible
     radius, height = SHOWN_SIGMAS * 3.0 * METERS_PER_NEWTON, (10.0 + SHOWN_SIGMAS * 0.5) * METERS_PER_NEWTON
@@ -101,9 +101,9 @@ def test_the_cone_is_as_wide_as_the_estimate_is_uncertain(arrows: ForceArrows, s
 
 @pytest.mark.parametrize("sigma", [np.nan, 1.0])
 def test_an_estimate_without_sigma_or_size_has_no_cone(arrows: ForceArrows, snapshot: np.void, sigma: float) -> None:
-    snapshot["force_sigma"] = sigma
+    snapshot["force_sigma_n"] = sigma
     if np.isfinite(sigma):
-        snapshot["force_estimated"] = 0.1
+        snapshot["force_estimated_n"] = 0.1
     arrows.update(snapshot)
     assert not arrows.uncertainty.mesh.visible
 

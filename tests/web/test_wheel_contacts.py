@@ -41,7 +41,7 @@ def test_being_outside_the_cone_does_not_depend_on_scale(x: float, y: float, z: 
 
 def test_a_slipping_wheel_changes_its_cone_only(server: viser.ViserServer, snapshot: np.void) -> None:
     contacts = WheelContacts(server)
-    snapshot["wheel_force_estimated"][2] = [40.0, 0.0, 30.0]
+    snapshot["wheel_force_estimated_n"][2] = [40.0, 0.0, 30.0]
     contacts.update(snapshot)
     colors = contacts.cones.batched_colors
     assert [tuple(color) for color in colors] == [CONE, CONE, CONE_EXCEEDED, CONE]
@@ -60,7 +60,7 @@ def test_wheels_in_the_air_have_neither_force_nor_cone(server: viser.ViserServer
 
 def test_truth_that_is_not_available_is_not_drawn(server: viser.ViserServer, snapshot: np.void) -> None:
     contacts = WheelContacts(server)
-    snapshot["wheel_force_true"] = np.nan
+    snapshot["wheel_force_true_n"] = np.nan
     contacts.update(snapshot)
     assert contacts.estimated.visible
     assert not contacts.true.visible

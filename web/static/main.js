@@ -20,7 +20,7 @@ const FAULT_WORDS = {
   torque_limit: "a joint is at its torque limit",
   estimator_stale: "the force estimate is stale",
   controller_error: "the controller failed",
-  support_limit: "less force, or the robot would tip over",
+  tip_over_limit: "the commanded force is reduced, or the robot would tip over",
 };
 
 const pauseButton = document.getElementById("pause");

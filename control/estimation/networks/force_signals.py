@@ -64,7 +64,7 @@ def signals_at(inputs: EstimatorInput, nominal: ProjectingEstimator, estimate: F
         linear_acceleration=sensor.linear_acceleration,
         linear_velocity=base.linear_velocity_in_base,
         mask=inputs.mask,
-        nominal_force=estimate.force_in_heading,
+        nominal_force=estimate.force_estimated_n,
         nominal_wheel_forces=estimate.wheel_forces_in_heading.reshape(-1),
         nominal_residual=_joint_order(nominal.residual, inputs),
         nominal_unexplained=_joint_order(nominal.unexplained, inputs),

@@ -70,5 +70,5 @@ class LearnedEstimator:
             self._started = True
             self._force, self._sigma = self._network.step(signals_at(self._inputs, self._nominal, nominal))
         if self._corrects:
-            return replace(nominal, force_in_heading=nominal.force_in_heading + self._force, sigma_n=self._sigma)
+            return replace(nominal, force_estimated_n=nominal.force_estimated_n + self._force, sigma_n=self._sigma)
         return ForceEstimate(self._force.copy(), nominal.wheel_forces_in_heading, self._sigma, stale=nominal.stale)

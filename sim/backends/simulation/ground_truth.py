@@ -45,7 +45,7 @@ class GroundTruthReader:
             base_linear_velocity=data.qvel[:3].copy(),
             base_angular_velocity=data.qvel[3:6].copy(),
             end_effector_position=data.site_xpos[self._end_effector_site].copy(),
-            end_effector_force=forces[-1] @ heading,
+            force_true_n=forces[-1] @ heading,
             wheel_forces=wheel_forces @ heading,
             wheel_contact_positions=self.lowest_wheel_points(),
             wheel_in_contact=wheel_forces[:, 2] > _CONTACT_THRESHOLD_N,

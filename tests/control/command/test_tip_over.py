@@ -8,7 +8,7 @@ import pytest
 from scipy.optimize import linprog
 
 from control.command.limits import DEFAULT_COMMAND, CommandLimits
-from control.command.tip_over import bearable_share
+from control.command.tip_over import feasible_force_scale
 from control.frames import rotation_from_quaternion, rotation_heading_to_world, skew
 from control.joints import ARM_SLICE, JOINT_COUNT, NOMINAL_BASE_HEIGHT_M, NOMINAL_POSITION
 from control.pipeline import PipelineConfig
@@ -53,7 +53,7 @@ def test_the_share_is_the_largest_that_statics_allow():
     for _ in range(60):
         model, heading = standing(random.uniform(ARM_LOWER, ARM_UPPER), random.uniform(-np.pi, np.pi))
         force = random.uniform(-50.0, 50.0, 3)
-        shares.append(bearable_share(force, model, heading, margin_m=0.0))
+        shares.append(feasible_force_scale(force, model, heading, margin_m=0.0))
         assert shares[-1] == pytest.approx(largest_share(heading @ force, model), abs=0.01)
     assert 10 < np.count_nonzero(np.array(shares) < 1.0) < 50
 
@@ -63,7 +63,7 @@ def test_the_margin_shortens_the_way_of_the_centre_of_pressure():
     contacts, hand = model.wheel_contact_positions, model.end_effector_position
     push = np.array([-100.0, 0.0, 0.0])
     for margin in (0.0, 0.03, 0.08):
-        share = bearable_share(push, model, heading, margin)
+        share = feasible_force_scale(push, model, heading, margin)
         # A push at the hand's height moves it back by moment over weight, from below the centre of mass.
         moment = share * push[0] * (hand[2] - contacts[:, 2].mean())
         pressure = model.center_of_mass[0] + moment / (model.total_mass * GRAVITY_MPS2)
@@ -71,14 +71,14 @@ def test_the_margin_shortens_the_way_of_the_centre_of_pressure():
 
 
 def test_twenty_newtons_on_every_axis_are_borne_whole_wherever_the_hand_is():
-    random, margin, places = np.random.default_rng(1), CommandLimits().support_margin_m, 0
+    random, margin, places = np.random.default_rng(1), CommandLimits().tip_over_margin_m, 0
     while places < 40:
         model, heading = standing(random.uniform(ARM_LOWER, ARM_UPPER))
         x, y, z = model.end_effector_position + [0.0, 0.0, NOMINAL_BASE_HEIGHT_M]
         if 0.42 < x < 0.72 and abs(y) < 0.25 and 0.25 < z < 0.75:
             places += 1
             for signs in product((-1.0, 1.0), repeat=3):
-                assert bearable_share(20.0 * np.array(signs), model, heading, margin) == 1.0
+                assert feasible_force_scale(20.0 * np.array(signs), model, heading, margin) == 1.0
 
 
 def test_a_robot_beyond_its_edge_bears_what_brings_it_back_alone():
@@ -87,13 +87,13 @@ def test_a_robot_beyond_its_edge_bears_what_brings_it_back_alone():
     model.update(leaning, NOMINAL_POSITION, np.zeros(3), np.zeros(3), np.zeros(JOINT_COUNT))
     forward = np.array([10.0, 0.0, 0.0])
     assert model.center_of_mass[0] > model.wheel_contact_positions[:, 0].max()
-    assert bearable_share(forward, model, np.eye(3), margin_m=0.0) == 0.0
-    assert bearable_share(-forward, model, np.eye(3), margin_m=0.0) == 1.0
+    assert feasible_force_scale(forward, model, np.eye(3), margin_m=0.0) == 0.0
+    assert feasible_force_scale(-forward, model, np.eye(3), margin_m=0.0) == 1.0
 
 
-@pytest.mark.parametrize(("margin_m", "falls"), [(CommandLimits().support_margin_m, False), (-1.0, True)])
+@pytest.mark.parametrize(("margin_m", "falls"), [(CommandLimits().tip_over_margin_m, False), (-1.0, True)])
 def test_a_force_that_would_tip_the_robot_is_reduced(margin_m: float, falls: bool):
-    limits = replace(CommandLimits(), support_margin_m=margin_m)
+    limits = replace(CommandLimits(), tip_over_margin_m=margin_m)
     session = Session(SessionConfig(seed=2, pipeline=PipelineConfig(controller="model_based", limits=limits)))
     for _ in range(400):
         session.tick(DEFAULT_COMMAND)
@@ -103,7 +103,7 @@ def test_a_force_that_would_tip_the_robot_is_reduced(margin_m: float, falls: boo
     faults = Fault.NONE
     for _ in range(2000):
         faults |= session.tick(command).safety.faults
-    assert (Fault.SUPPORT_LIMIT in faults) != falls
+    assert (Fault.TIP_OVER_LIMIT in faults) != falls
     assert (Fault.TILT in faults) == falls
 
 
@@ -117,6 +117,6 @@ def test_what_is_limited_is_told_while_the_command_acts_and_no_longer():
         return session.output.safety.faults
 
     assert faults(DEFAULT_COMMAND, 300) == Fault.NONE
-    assert Fault.SUPPORT_LIMIT in faults(command, 20)
+    assert Fault.TIP_OVER_LIMIT in faults(command, 20)
     session.estop()
-    assert Fault.SUPPORT_LIMIT not in faults(command, 20)
+    assert Fault.TIP_OVER_LIMIT not in faults(command, 20)

@@ -107,7 +107,7 @@ def test_a_constant_force_and_its_wheel_forces_are_recovered(name: str) -> None:
     robot.force = FORCE
     run(robot, estimators, 2.0)
     estimate = estimators[name].estimate()
-    np.testing.assert_allclose(estimate.force_in_heading, FORCE, atol=0.3)
+    np.testing.assert_allclose(estimate.force_estimated_n, FORCE, atol=0.3)
     np.testing.assert_allclose(estimate.wheel_forces_in_heading[:, 2], robot.wheel_forces.reshape(4, 3)[:, 2], atol=1.5)
     assert not estimate.stale
 
@@ -121,7 +121,7 @@ def test_a_step_is_followed_at_the_observers_bandwidth(name: str, gains: object)
     fraction_after = []
     for _ in range(2):
         run(robot, estimators, 0.1)
-        fraction_after.append(estimators[name].estimate().force_in_heading @ FORCE / (FORCE @ FORCE))
+        fraction_after.append(estimators[name].estimate().force_estimated_n @ FORCE / (FORCE @ FORCE))
     # Closed form of the unit step at 0.1 s and 0.2 s: 0.08 and 0.26 with the paper's gains; 1.25 and 1.07 with three poles at
     # 30 rad/s, which follow a ramp without lag.
     expected = [0.0821, 0.2635] if gains is PAPER_GAINS else [1.249, 1.072]
@@ -137,8 +137,8 @@ def test_wrong_masses_are_found_and_no_longer_look_like_a_force(arm_scale: float
     wave_arm(robot, estimators, 4.0)
     adaptive, constrained = (estimators[name].estimate() for name in ("adaptive", "gmo_cqp"))
     assert adaptive.mass_scale == pytest.approx(robot.total_scale, abs=0.01)
-    assert np.linalg.norm(adaptive.force_in_heading - FORCE) < 1.0
-    assert np.linalg.norm(constrained.force_in_heading - FORCE) > 1.5
+    assert np.linalg.norm(adaptive.force_estimated_n - FORCE) < 1.0
+    assert np.linalg.norm(constrained.force_estimated_n - FORCE) > 1.5
     assert isinstance(estimators["adaptive"], AdaptiveEstimator)
     np.testing.assert_allclose(estimators["adaptive"].mass_scales, [arm_scale, rest_scale], atol=0.04)
 
@@ -152,7 +152,7 @@ def test_a_push_on_the_base_hardly_shows_at_the_hand(name: str, axis: int) -> No
     run(robot, estimators, 0.02)
     robot.base_wrench[axis] = 20.0
     run(robot, estimators, 2.0)
-    error = estimators[name].estimate().force_in_heading - FORCE
+    error = estimators[name].estimate().force_estimated_n - FORCE
     assert np.linalg.norm(error) < PUSH_SHARE[name] * 20.0
 
 
@@ -163,7 +163,7 @@ def test_a_joint_against_its_stop_is_not_taken_for_a_force() -> None:
     robot.extra_torque[16 + 3] = -8.0  # the stop's
     robot.force = FORCE
     run(robot, estimators, 1.0)
-    np.testing.assert_allclose(estimators["adaptive"].estimate().force_in_heading, FORCE, atol=0.5)
+    np.testing.assert_allclose(estimators["adaptive"].estimate().force_estimated_n, FORCE, atol=0.5)
 
 
 @pytest.mark.parametrize("name", MODEL_BASED_NAMES)
@@ -178,11 +178,11 @@ def test_a_tick_that_is_not_finite_repeats_the_last_good_estimate_as_stale(name:
     estimators[name].observe(poisoned)
     repeated = estimators[name].estimate()
     assert repeated.stale
-    np.testing.assert_array_equal(repeated.force_in_heading, good.force_in_heading)
+    np.testing.assert_array_equal(repeated.force_estimated_n, good.force_estimated_n)
     run(robot, estimators, 2.0)
     recovered = estimators[name].estimate()
     assert not recovered.stale
-    np.testing.assert_allclose(recovered.force_in_heading, FORCE, atol=0.5)
+    np.testing.assert_allclose(recovered.force_estimated_n, FORCE, atol=0.5)
 
 
 def test_an_unsolved_program_is_stale_and_never_zero() -> None:
@@ -196,7 +196,7 @@ def test_an_unsolved_program_is_stale_and_never_zero() -> None:
     run(robot, {"gmo_cqp": constrained}, PERIOD_S)
     repeated = constrained.estimate()
     assert repeated.stale and not good.stale
-    np.testing.assert_array_equal(repeated.force_in_heading, good.force_in_heading)
+    np.testing.assert_array_equal(repeated.force_estimated_n, good.force_estimated_n)
 
 
 @pytest.mark.parametrize("name", MODEL_BASED_NAMES)
@@ -236,7 +236,7 @@ def test_against_the_truth_of_a_heavier_simulated_robot_that_drives() -> None:
             truth = session.truth()
             assert truth is not None
             for name, squares in errors.items():
-                error = session.output.estimates[name].force_in_heading - truth.end_effector_force
+                error = session.output.estimates[name].force_estimated_n - truth.force_true_n
                 squares.append(float(error @ error))
     rms = {name: np.sqrt(np.mean(squares)) for name, squares in errors.items()}
     assert rms["adaptive"] < 1.5

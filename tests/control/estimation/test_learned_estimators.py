@@ -93,8 +93,8 @@ def test_the_estimate_is_the_nominal_one_plus_the_networks(weights: Path, name: 
             base = nominal.estimate()
             correction, sigma = network.step(signals_at(inputs, nominal, base))
             estimate = estimators[name].estimate()
-            expected = correction if name == "tcn" else base.force_in_heading + correction
-            np.testing.assert_array_equal(estimate.force_in_heading, expected)
+            expected = correction if name == "tcn" else base.force_estimated_n + correction
+            np.testing.assert_array_equal(estimate.force_estimated_n, expected)
             assert (estimate.sigma_n is None) == (sigma is None) == (name != "hybrid")
             np.testing.assert_array_equal(estimate.wheel_forces_in_heading, base.wheel_forces_in_heading)
 
@@ -106,8 +106,8 @@ def test_between_network_steps_the_correction_holds_and_the_nominal_part_does_no
     corrections, nominals = [], []
     for _ in range(30):
         hybrid.observe(robot.tick())
-        nominals.append(adaptive.estimate().force_in_heading)
-        corrections.append(hybrid.estimate().force_in_heading - nominals[-1])
+        nominals.append(adaptive.estimate().force_estimated_n)
+        corrections.append(hybrid.estimate().force_estimated_n - nominals[-1])
     second = 10 - FIRST_STEP_LEAD_TICKS
     for start, stop in ((0, second), (second, second + 10), (second + 10, second + 20)):
         block = np.array(corrections[start:stop])
@@ -130,7 +130,7 @@ def test_sharing_a_nominal_estimator_does_not_disturb_it(weights: Path) -> None:
                 shared[name].estimate()
     for name in MODEL_BASED_NAMES:
         ours, theirs = shared[name].estimate(), alone[name].estimate()
-        np.testing.assert_array_equal(ours.force_in_heading, theirs.force_in_heading)
+        np.testing.assert_array_equal(ours.force_estimated_n, theirs.force_estimated_n)
         assert ours.mass_scale == theirs.mass_scale
 
 
@@ -149,7 +149,7 @@ def test_reset_forgets_the_window(weights: Path) -> None:
         inputs = second.tick()
         fresh.observe(inputs)
         used.observe(replace(again.tick(), model=second.model))
-        np.testing.assert_array_equal(used.estimate().force_in_heading, fresh.estimate().force_in_heading)
+        np.testing.assert_array_equal(used.estimate().force_estimated_n, fresh.estimate().force_estimated_n)
 
 
 def test_a_network_that_says_zero_changes_nothing(weights: Path) -> None:
@@ -160,7 +160,7 @@ def test_a_network_that_says_zero_changes_nothing(weights: Path) -> None:
     assert isinstance(hybrid, LearnedEstimator)
     for _ in range(12):
         hybrid.observe(robot.tick())
-    np.testing.assert_array_equal(hybrid.estimate().force_in_heading, estimators["adaptive"].estimate().force_in_heading)
+    np.testing.assert_array_equal(hybrid.estimate().force_estimated_n, estimators["adaptive"].estimate().force_estimated_n)
 
 
 @pytest.mark.parametrize("name", LEARNED_NAMES)

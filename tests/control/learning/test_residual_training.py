@@ -35,9 +35,9 @@ def made_up_rollout(seed: int, steps: int = 300) -> dict[str, np.ndarray]:
     """Noise, except that the true force stands still: its nominal estimates are noise around it."""
     random = np.random.default_rng(seed)
     arrays = {name: random.standard_normal((steps, size)) for name, size in column_sizes().items()}
-    arrays["force_true"][:] = 10.0 * random.standard_normal(3)
+    arrays["force_true_n"][:] = 10.0 * random.standard_normal(3)
     for nominal in ("gmo_cqp", "adaptive"):
-        arrays[f"{nominal}.force"] += arrays["force_true"]
+        arrays[f"{nominal}.force"] += arrays["force_true_n"]
     return arrays
 
 
@@ -69,7 +69,7 @@ def test_recalibration_covers_other_data_and_leaves_the_network_alone(data: Path
     main([*base, "--epochs", "1", "--samples-per-epoch", "256"])
     before, network = load_network("hybrid", weights).manifest, (weights / "hybrid.npz").read_bytes()
     arrays = made_up_rollout(20)
-    arrays["adaptive.force"] = arrays["force_true"] + 3.0 * (arrays["adaptive.force"] - arrays["force_true"])
+    arrays["adaptive.force"] = arrays["force_true_n"] + 3.0 * (arrays["adaptive.force"] - arrays["force_true_n"])
     save_rollout(other / "rollout.npz", arrays)
     entry = {"file": "rollout.npz", "split": "validation", "profile": "hold", "mass_scale": 1.0, "per_link": {}}
     write_manifest(other, {"seed": 1, "commit": "none", "command": "none", "rollouts": [entry]})
@@ -176,10 +176,10 @@ def test_a_posture_dependent_bias_is_found_and_lag_is_not_mistaken_for_one() -> 
     steps = np.arange(500)[:, None] * 0.02
     arrays = {name: np.zeros((500, size)) for name, size in column_sizes().items()}
     arrays["joint_position"][:, 16:] = 0.3 * np.sin(0.7 * steps + random.uniform(0.0, 6.0, 6))
-    arrays["force_true"] = 10.0 * np.sin(1.5 * steps + np.array([0.0, 1.0, 2.0]))
-    lag = 0.03 * np.gradient(arrays["force_true"], 0.02, axis=0)
+    arrays["force_true_n"] = 10.0 * np.sin(1.5 * steps + np.array([0.0, 1.0, 2.0]))
+    lag = 0.03 * np.gradient(arrays["force_true_n"], 0.02, axis=0)
     bias = np.array([0.5, -0.3, 0.2]) + arrays["joint_position"][:, 16:] @ random.standard_normal((6, 3))
-    arrays["adaptive.force"] = arrays["force_true"] - lag - bias
+    arrays["adaptive.force"] = arrays["force_true_n"] - lag - bias
     rollout = Rollout({}, arrays)
     found = rollout_bias(rollout, wanted_force(rollout, TARGETS["hybrid"]))
     assert np.sqrt(((found - bias) ** 2).mean()) < 0.1 * np.sqrt((bias**2).mean())
@@ -219,11 +219,11 @@ def test_smooth_l1_is_quadratic_below_one_and_linear_above() -> None:
 
 def test_bad_data_is_refused(data: Path) -> None:
     arrays = made_up_rollout(0)
-    arrays["force_true"][3, 1] = np.nan
-    with pytest.raises(DatasetError, match=r"force_true.*not finite"):
+    arrays["force_true_n"][3, 1] = np.nan
+    with pytest.raises(DatasetError, match=r"force_true_n.*not finite"):
         save_rollout(data / "rollouts/bad.npz", arrays)
-    del arrays["force_true"]
-    with pytest.raises(DatasetError, match="force_true"):
+    del arrays["force_true_n"]
+    with pytest.raises(DatasetError, match="force_true_n"):
         save_rollout(data / "rollouts/bad.npz", arrays)
     with pytest.raises(DatasetError, match=r"collect_dataset"):
         load_split(data / "nowhere", "train")

@@ -61,13 +61,13 @@ def test_opposite_quaternions_look_the_same():
 
 
 def test_values_are_clipped():
-    values = assemble(PAPER_FORM, signals(force_estimate=np.full(3, 1e6)))[1]
+    values = assemble(PAPER_FORM, signals(force_estimated_n=np.full(3, 1e6)))[1]
     assert np.abs(values).max() == 8.0
 
 
 def test_a_batch_is_assembled_like_its_robots():
     random = np.random.default_rng(0)
-    robots = [signals(force_estimate=random.standard_normal(3), joint_velocity=random.standard_normal(22)) for _ in range(5)]
+    robots = [signals(force_estimated_n=random.standard_normal(3), joint_velocity=random.standard_normal(22)) for _ in range(5)]
     stacked = TaskSignals(**{f.name: np.stack([getattr(r, f.name) for r in robots]) for f in fields(TaskSignals)})
     batch_memory = TaskMemory(TaskMemoryConfig(), (5,))
     batch_memory.step(stacked)
@@ -83,7 +83,7 @@ def test_errors_belong_to_their_axes():
         mask=np.array([0.0, 0.0, 1.0]),
         position=np.array([0.65, 0.1, 0.9]),
         force=np.array([5.0, 5.0, 20.0]),
-        force_estimate=np.array([1.0, 1.0, 18.0]),
+        force_estimated_n=np.array([1.0, 1.0, 18.0]),
     )
     assert np.allclose(state.position_error, [0.1, 0.1, 0.0])
     assert np.allclose(state.force_error, [0.0, 0.0, -2.0])

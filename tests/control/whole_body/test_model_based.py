@@ -91,7 +91,7 @@ def test_a_commanded_force_is_fed_forward_through_the_jacobian(model):
     tick = inputs(model)
     rest = arm_torque(replace(tick, command=hand_command(tick)))
     force = np.array([6.0, -4.0, 15.0])
-    pressing = replace(tick, command=hand_command(tick, mask=np.ones(3), force_n=force), force_in_heading=force)
+    pressing = replace(tick, command=hand_command(tick, mask=np.ones(3), force_n=force), force_estimated_n=force)
     jacobian = model.end_effector_jacobian[:3, model.joint_rows[ARM_SLICE]]
     assert np.allclose(arm_torque(pressing) - rest, -jacobian.T @ force, atol=1e-9)
 
@@ -115,7 +115,7 @@ def test_a_force_axis_pushes_harder_while_the_estimate_is_too_low(model):
     tick = inputs(model)
     command = hand_command(tick, mask=np.array([0.0, 0.0, 1.0]), force_n=np.array([0.0, 0.0, 10.0]))
     arm = arm_control(model)
-    low = replace(tick, command=command, force_in_heading=np.array([0.0, 0.0, 4.0]))
+    low = replace(tick, command=command, force_estimated_n=np.array([0.0, 0.0, 4.0]))
     jacobian = model.end_effector_jacobian[2, model.joint_rows[ARM_SLICE]]
     first = arm_torque(low, arm)
     assert (first - model.gravity[model.joint_rows[ARM_SLICE]]) @ jacobian < 0.0
@@ -150,7 +150,7 @@ def test_a_position_axis_carries_most_of_an_estimated_load(model):
     tick = inputs(model)
     tick = replace(tick, command=hand_command(tick))
     load = np.array([5.0, 0.0, -5.0])
-    change = arm_torque(replace(tick, force_in_heading=load)) - arm_torque(tick)
+    change = arm_torque(replace(tick, force_estimated_n=load)) - arm_torque(tick)
     jacobian = model.end_effector_jacobian[:3, model.joint_rows[ARM_SLICE]]
     assert np.allclose(change, -ArmConfig().load_gain * jacobian.T @ load, atol=1e-9)
 
@@ -336,7 +336,7 @@ def test_in_closed_loop_the_hand_settles_and_a_spring_is_pressed_with_the_comman
     session.backend.wrenches.add(Spring(anchor, np.array([0.0, 0.0, 400.0]), np.array([0.0, 0.0, 8.0])))
     pressing = replace(target, mask=np.array([0.0, 0.0, 1.0]), force_n=np.array([0.0, 0.0, 15.0]))
     run(session, pressing, 2.0)
-    assert true_state(session).end_effector_force[2] == pytest.approx(15.0, abs=2.0)
+    assert true_state(session).force_true_n[2] == pytest.approx(15.0, abs=2.0)
     error = true_hand_in_heading(session) - target.position_m
     assert np.linalg.norm(error[:2]) < 0.015
 

@@ -113,10 +113,10 @@ def test_a_trial_scores_every_estimator_against_the_force_that_acted(tmp_path: P
     result = run_trial(PLAN)
     assert {"gmo_pi", "gmo_cqp", "adaptive"} <= set(result.scores)
     for score in result.scores.values():
-        assert len(score.error) == len(result.force_true) == 75
+        assert len(score.error) == len(result.force_true_n) == 75
         assert 0.0 < score.rmse_vector_n < 15.0
     assert result.scores["adaptive"].rmse_vector_n < result.scores["gmo_cqp"].rmse_vector_n + 1.0
-    assert np.abs(result.force_true).max() > 1.0
+    assert np.abs(result.force_true_n).max() > 1.0
     assert 0.0 < result.lag_only_n["adaptive"] < 0.3 * result.lag_only_n["gmo_cqp"]
 
     pytest.importorskip("matplotlib")

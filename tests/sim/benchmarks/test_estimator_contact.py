@@ -20,14 +20,14 @@ def test_pressing_a_table_is_scored_after_the_first_touch() -> None:
     trial = run_contact_trial(ContactPlan(PRESS, True, 1.0, seed=1, duration_s=4.0))
     assert trial.failure == "" and trial.contact_share == 1.0
     assert trial.time_s[0] > APPROACH_S + AFTER_TOUCH_S
-    assert trial.force_true[:, 2].mean() > 4.0
+    assert trial.force_true_n[:, 2].mean() > 4.0
     assert all(len(score.error) == len(trial.time_s) for score in trial.scores.values())
     assert trial.scores["adaptive"].rmse_vector_n < 2.0 and trial.ripple_n < 1.0
 
 
 def test_a_sliding_box_answers_with_its_friction() -> None:
     trial = run_contact_trial(ContactPlan(SLIDE, True, 1.0, seed=1, duration_s=5.0))
-    x, _, z = trial.force_true[-50:].mean(axis=0)
+    x, _, z = trial.force_true_n[-50:].mean(axis=0)
     # The tool's friction carries some of the box's weight, or adds to it: mu (m g + f_z) with f_z up on the robot.
     assert -x == pytest.approx(BOX_FRICTION * (BOX_MASS_KG * 9.81 + z), rel=0.1)
 

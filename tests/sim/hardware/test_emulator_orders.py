@@ -17,9 +17,9 @@ def test_a_push_acts_on_the_hand_and_ends(ready: Rig) -> None:
     obey(ready.emulator, json.dumps({"push": {"force_n": [0.0, 0.0, -8.0], "duration_s": 0.1}}), refuse)
     ready.run(0.05)
     truth = ready.emulator.body.backend.truth()
-    assert truth.end_effector_force[2] == pytest.approx(-8.0, abs=0.1)
+    assert truth.force_true_n[2] == pytest.approx(-8.0, abs=0.1)
     ready.run(0.1)
-    assert abs(ready.emulator.body.backend.truth().end_effector_force[2]) < 0.1
+    assert abs(ready.emulator.body.backend.truth().force_true_n[2]) < 0.1
 
 
 def test_a_report_says_what_the_motors_were_told(ready: Rig) -> None:

@@ -93,8 +93,8 @@ def test_guidance_works_on_the_emulated_robot(standing: Bench) -> None:
     standing.session.fill(snapshot[0])
     record = snapshot[0]
     assert record["backend"] == b"hardware" and record["mode"] == Mode.RUNNING
-    np.testing.assert_allclose(record["force_estimated"], robot.truth().end_effector_force, atol=3.0)
-    for name in ("force_true", "wheel_force_true", "mass_scale_true", "drag_force", "force_errors_rms"):
+    np.testing.assert_allclose(record["force_estimated_n"], robot.truth().force_true_n, atol=3.0)
+    for name in ("force_true_n", "wheel_force_true_n", "mass_scale_true", "drag_force_n", "force_errors_rms_n"):
         assert np.isnan(record[name]).all(), name  # unavailable, never zero
     status = standing.backend.status()
     assert status.state == DriveState.POLICY and len(status.motors) == 22 and status.states_missed == 0

@@ -41,7 +41,7 @@ def test_the_pipeline_runs_from_a_recorded_sensor_log_alone() -> None:
     for frame, original in zip(log, recorded, strict=True):
         output = replayed.step(frame, command)
         np.testing.assert_array_equal(output.joint_command.position, original.joint_command.position)
-        np.testing.assert_array_equal(output.hand.force_in_heading, original.hand.force_in_heading)
+        np.testing.assert_array_equal(output.hand.force_estimated_n, original.hand.force_estimated_n)
 
 
 def test_the_estimate_follows_an_applied_force_and_returns_to_zero(standing: Session) -> None:
@@ -50,10 +50,10 @@ def test_the_estimate_follows_an_applied_force_and_returns_to_zero(standing: Ses
     run(standing, DEFAULT_COMMAND, 1.0)
     truth = standing.truth()
     assert truth is not None
-    np.testing.assert_allclose(truth.end_effector_force, force, atol=0.2)
-    assert np.linalg.norm(standing.output.hand.force_in_heading - truth.end_effector_force) < 2.0
+    np.testing.assert_allclose(truth.force_true_n, force, atol=0.2)
+    assert np.linalg.norm(standing.output.hand.force_estimated_n - truth.force_true_n) < 2.0
     run(standing, DEFAULT_COMMAND, 1.5)
-    assert np.linalg.norm(standing.output.hand.force_in_heading) < 2.0
+    assert np.linalg.norm(standing.output.hand.force_estimated_n) < 2.0
 
 
 def test_all_estimators_run_side_by_side_and_any_can_be_selected(standing: Session) -> None:
@@ -62,7 +62,7 @@ def test_all_estimators_run_side_by_side_and_any_can_be_selected(standing: Sessi
     for name in names:
         standing.select_estimator(name)
         run(standing, DEFAULT_COMMAND, 0.1)
-        np.testing.assert_array_equal(standing.output.hand.force_in_heading, standing.output.estimates[name].force_in_heading)
+        np.testing.assert_array_equal(standing.output.hand.force_estimated_n, standing.output.estimates[name].force_estimated_n)
     with pytest.raises(ValueError, match=r"unknown estimator 'nope'; available: gmo_pi"):
         standing.select_estimator("nope")
     with pytest.raises(ValueError, match="both k1 and k2"):
@@ -74,8 +74,8 @@ def test_the_adaptive_estimator_notices_a_mass_that_nobody_tells_it(standing: Se
     standing.set_mismatch(1.2)
     run(standing, DEFAULT_COMMAND, 4.0)
     assert standing.output.estimates["adaptive"].mass_scale == pytest.approx(1.2, abs=0.05)
-    fixed_model = np.linalg.norm(standing.output.estimates["gmo_cqp"].force_in_heading)
-    assert np.linalg.norm(standing.output.estimates["adaptive"].force_in_heading) < 0.5 * fixed_model
+    fixed_model = np.linalg.norm(standing.output.estimates["gmo_cqp"].force_estimated_n)
+    assert np.linalg.norm(standing.output.estimates["adaptive"].force_estimated_n) < 0.5 * fixed_model
 
 
 def test_the_estop_damps_and_outlives_a_reset(standing: Session) -> None:
@@ -117,28 +117,28 @@ def test_a_drag_pulls_while_its_operator_is_alive(standing: Session) -> None:
         standing.tick_setpoint(setpoint, age_s=0.0)
     standing.fill(snapshot)
     assert snapshot["drag_active"]
-    assert snapshot["force_true"][0] > 3.0
-    np.testing.assert_allclose(snapshot["force_true"], snapshot["drag_force"], atol=1e-6)
+    assert snapshot["force_true_n"][0] > 3.0
+    np.testing.assert_allclose(snapshot["force_true_n"], snapshot["drag_force_n"], atol=1e-6)
     standing.tick_setpoint(setpoint, age_s=1.0)
     standing.fill(snapshot)
     assert not snapshot["drag_active"]
-    np.testing.assert_allclose(snapshot["force_true"], 0.0, atol=1e-9)
+    np.testing.assert_allclose(snapshot["force_true_n"], 0.0, atol=1e-9)
 
 
 def test_a_snapshot_is_complete(standing: Session) -> None:
     snapshot = np.zeros(1, SNAPSHOT)[0]
     standing.track_errors(0.02)
     standing.fill(snapshot)
-    for name in ("base_position", "joint_position", "end_effector_position", "force_true", "wheel_force_true"):
+    for name in ("base_position", "joint_position", "end_effector_position", "force_true_n", "wheel_force_true_n"):
         assert np.isfinite(snapshot[name]).all(), name
     count = len(standing.pipeline.estimator_names)
-    assert np.isfinite(snapshot["force_estimates"][:count]).all()
-    assert np.isfinite(snapshot["force_errors_rms"][:count]).all()
-    assert np.isnan(snapshot["force_estimates"][count:]).all()
+    assert np.isfinite(snapshot["force_estimates_n"][:count]).all()
+    assert np.isfinite(snapshot["force_errors_rms_n"][:count]).all()
+    assert np.isnan(snapshot["force_estimates_n"][count:]).all()
     # In position mode at rest the hand is where it is told to be, in both frames.
     np.testing.assert_allclose(snapshot["end_effector_position"], DEFAULT_COMMAND.position_m, atol=0.03)
     np.testing.assert_allclose(snapshot["end_effector_position_in_world"], snapshot["target_position_in_world"], atol=0.03)
-    np.testing.assert_allclose(snapshot["wheel_force_true"][:, 2].sum(), 9.81 * standing.pipeline.model.total_mass, rtol=0.05)
+    np.testing.assert_allclose(snapshot["wheel_force_true_n"][:, 2].sum(), 9.81 * standing.pipeline.model.total_mass, rtol=0.05)
 
 
 def test_the_uncertainty_shown_is_the_one_that_the_selected_estimator_states(standing: Session) -> None:
@@ -148,7 +148,7 @@ def test_the_uncertainty_shown_is_the_one_that_the_selected_estimator_states(sta
     for name, sigma in stated.items():
         standing.select_estimator(name)
         standing.fill(snapshot)
-        np.testing.assert_array_equal(snapshot["force_sigma"], np.full(3, np.nan) if sigma is None else sigma)
+        np.testing.assert_array_equal(snapshot["force_sigma_n"], np.full(3, np.nan) if sigma is None else sigma)
 
 
 def test_a_fresh_session_has_no_output() -> None:

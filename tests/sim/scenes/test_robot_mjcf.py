@@ -142,4 +142,4 @@ def test_force_reference_at_the_end_effector_reads_the_applied_force(standing):
         backend.wrenches.clear()
     np.testing.assert_allclose(readings[0] - readings[1], [3.0, -4.0, 6.0], atol=0.1)
     heading = rotation_heading_to_world(backend.data.body("base").xmat.reshape(3, 3))
-    np.testing.assert_allclose(heading @ backend.truth().end_effector_force, [3.0, -4.0, 6.0], atol=1e-2)
+    np.testing.assert_allclose(heading @ backend.truth().force_true_n, [3.0, -4.0, 6.0], atol=1e-2)

@@ -96,7 +96,7 @@ def test_robot_at_rest_measures_gravity_and_stands_on_its_weight(standing):
     np.testing.assert_allclose(truth.wheel_forces.sum(0), [0.0, 0.0, weight], atol=0.02 * weight)
     assert truth.wheel_in_contact.all()
     np.testing.assert_allclose(truth.wheel_contact_positions[:, 2], 0.0, atol=1e-3)
-    np.testing.assert_array_equal(truth.end_effector_force, 0.0)
+    np.testing.assert_array_equal(truth.force_true_n, 0.0)
 
 
 def test_truth_adds_wrenches_and_contacts_on_the_end_effector(standing):
@@ -118,7 +118,7 @@ def test_truth_adds_wrenches_and_contacts_on_the_end_effector(standing):
         touched += bool(contact_force.any())
         applied = backend.data.xfrc_applied[backend.model.body("end_effector").id, :3]
         heading = rotation_heading_to_world(backend.data.body("base").xmat.reshape(3, 3))
-        np.testing.assert_allclose(truth.end_effector_force, (applied + contact_force) @ heading, atol=1e-9, err_msg=str(tick))
+        np.testing.assert_allclose(truth.force_true_n, (applied + contact_force) @ heading, atol=1e-9, err_msg=str(tick))
         assert contact_force[2] >= 0.0
     assert touched > 50
 
@@ -140,7 +140,7 @@ def test_truth_leaves_out_what_the_robot_does_to_itself():
             break
     mujoco.mj_forward(model, data)
     assert np.abs(data.cfrc_ext[model.body("end_effector").id]).max() > 1.0
-    np.testing.assert_allclose(backend.truth().end_effector_force, 0.0, atol=1e-9)
+    np.testing.assert_allclose(backend.truth().force_true_n, 0.0, atol=1e-9)
 
 
 def test_reset_repeats_exactly_and_another_seed_differs(standing):
@@ -187,7 +187,7 @@ def test_drag_pulls_towards_the_target_up_to_its_cap(standing):
     assert backend.truth().end_effector_position[1] > tip[1] + 0.005
     backend.set_drag(None)
     backend.write(command)
-    np.testing.assert_array_equal(backend.truth().end_effector_force, 0.0)
+    np.testing.assert_array_equal(backend.truth().force_true_n, 0.0)
 
 
 def test_wheels_alone_follow_a_velocity_command(standing):

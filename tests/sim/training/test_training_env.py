@@ -1,4 +1,4 @@
-"""The batched environment against the single-robot code it stands for, and the laws of its surroundings and rewards."""
+"""The batched environment against the single-robot code it stands for, and the laws of its contacts and rewards."""
 
 from dataclasses import fields, replace
 from pathlib import Path
@@ -75,7 +75,7 @@ def single_input(env: TrainingEnv, index: int, model: RobotModel) -> ControllerI
         base_velocity=references.base_velocity[index],
     )
     base = BaseState(rotation, velocity, sensor.angular_velocity, float(signals.base_height[index, 0]))
-    return ControllerInput(sensor, base, model, command, signals.force_estimate[index])
+    return ControllerInput(sensor, base, model, command, signals.force_estimated_n[index])
 
 
 def test_teacher_equals_the_model_based_controller(model: RobotModel):
@@ -178,13 +178,13 @@ def test_springs_start_relaxed_and_pull_back():
     env = make_env(count=16)
     env.source.time_s[:] = 0.0
     env.robot.hand_velocity[:] = 0.0
-    env.surroundings._swing[:] = 0.0
-    env.surroundings._glide[:] = 0.0
-    start = env.surroundings.force()
+    env.contacts._swing[:] = 0.0
+    env.contacts._glide[:] = 0.0
+    start = env.contacts.force()
     env.robot.hand_position = env.robot.hand_position + [0.0, 0.0, 0.01]
-    pulled = env.surroundings.force()
+    pulled = env.contacts.force()
     assert np.abs(start[:, 2]).max() < 1e-6
-    stiffness, damping = env.surroundings._stiffness[:, 2], env.surroundings._damping[:, 2]
+    stiffness, damping = env.contacts._stiffness[:, 2], env.contacts._damping[:, 2]
     # Taken implicitly over one step for the least inertia of the hand.
     softened = stiffness / (1.0 + TIMESTEP_S / HAND_INERTIA_KG * (damping + TIMESTEP_S * stiffness))
     assert np.allclose((pulled - start)[:, 2], -0.01 * softened, atol=1e-6)
@@ -194,14 +194,14 @@ def test_steady_sliding_meets_the_whole_friction():
     env = make_env(count=64)
     rows = np.flatnonzero(env.source.kind == SLIDE)
     axes = env.source.slide_axis[rows]
-    surroundings, robot = env.surroundings, env.robot
+    contacts, robot = env.contacts, env.robot
     moving = np.zeros((64, 3))
     moving[rows, axes] = 0.1
-    robot.hand_velocity = rotate(surroundings._rotation, moving)
+    robot.hand_velocity = rotate(contacts._rotation, moving)
     for _ in range(60):
-        surroundings.force()
-    slid = rotate_back(surroundings._rotation, surroundings.force())[rows, axes]
-    expected = -0.1 * surroundings._viscous[rows, axes] - surroundings._dry[rows, axes]
+        contacts.force()
+    slid = rotate_back(contacts._rotation, contacts.force())[rows, axes]
+    expected = -0.1 * contacts._viscous[rows, axes] - contacts._dry[rows, axes]
     assert np.allclose(slid, expected, rtol=1e-3, atol=1e-3)
 
 
@@ -211,7 +211,7 @@ def test_what_is_dragged_travels_as_its_friction_says():
     assert sliding.any()
     rows, axes = np.flatnonzero(sliding), env.source.slide_axis[sliding]
     amplitude, rate = env.source.wave_amplitude[rows, axes], env.source.wave_rate[rows]
-    travel = amplitude / (rate * env.surroundings._viscous[rows, axes])
+    travel = amplitude / (rate * env.contacts._viscous[rows, axes])
     assert ((travel > 0.059) & (travel < 0.201)).all()
 
 
