@@ -13,6 +13,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
+import numpy as np
+
 from control.paths import ROOT
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
@@ -57,13 +59,25 @@ if _CACHE is not None:
     numba.config.CACHE_DIR = str(_CACHE)
 
 
-def kernel(*signatures: str) -> Callable[[_Function], _Function]:
-    """Decorator `@kernel("f8[::1](f8[:,::1], f8[::1])")`: compiled with exactly these numba signatures.
+_NAMES = vars(numba.types) | {
+    "vector": numba.types.Array(numba.types.float64, 1, "A", readonly=True),
+    "matrix": numba.types.Array(numba.types.float64, 2, "A", readonly=True),
+}
+
+
+def kernel(*signatures: str, **records: np.dtype) -> Callable[[_Function], _Function]:
+    """Decorator `@kernel("f8[::1](f8[:,::1], Gains[::1])", Gains=GAINS)`: compiled with exactly these numba signatures.
 
     No fastmath: results repeat bit for bit on one machine. Division by zero gives inf or nan as in numpy.
+
+    Args:
+        signatures: in numba's words, with `vector` and `matrix` for arrays of float64 of any layout that are only read.
+        records: layout (control.records) of each record that a signature names.
     """
+    names = _NAMES | {name: numba.from_dtype(layout) for name, layout in records.items()}
+    types = [eval(signature, {}, names) for signature in signatures]
 
     def decorate(function: _Function) -> _Function:
-        return numba.njit(list(signatures), cache=_CACHE is not None, error_model="numpy")(function)
+        return numba.njit(types, cache=_CACHE is not None, error_model="numpy")(function)
 
     return decorate
