@@ -25,6 +25,7 @@ from sim.benchmarks.estimator_robustness_trials import (
 from sim.benchmarks.estimator_scores import coverage, mean_and_deviation
 from sim.benchmarks.report import Report, Row, argument_parser
 from sim.processes.executors import map_unordered
+from sim.trials.rollout_runner import DRIVER
 
 QUICK_DURATION_S = 4.0
 
@@ -41,6 +42,7 @@ def case_rows(case: str, trials: Sequence[RobustnessTrial]) -> list[Row]:
         rows.append(
             {
                 "case": case,
+                "controller": DRIVER,
                 "estimator": name,
                 "trials": len(kept),
                 "rejected": sum(len(trial.rejected) for trial in trials),

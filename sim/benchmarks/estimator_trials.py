@@ -25,7 +25,7 @@ SETTLE_S = 1.0
 
 
 @dataclass(frozen=True, slots=True)
-class Trial:
+class RolloutTrial:
     """One plan, played.
 
     Attributes:
@@ -74,7 +74,7 @@ def draw_plan(seed: int, number: int, profile: str, mass_scale: float, links: Se
     )
 
 
-def run_trial(plan: RolloutPlan, ablations: Sequence[Ablation] = ()) -> Trial:
+def run_trial(plan: RolloutPlan, ablations: Sequence[Ablation] = ()) -> RolloutTrial:
     """Play `plan`; a rejected attempt is drawn again, see sim.trials.rollout_runner."""
 
     def attempt(plan: RolloutPlan, seed: int) -> EstimatorPanel:
@@ -84,7 +84,7 @@ def run_trial(plan: RolloutPlan, ablations: Sequence[Ablation] = ()) -> Trial:
     force = planned_force(plan, seed)
     start = round(SETTLE_S / TICK_S)
     lags = {name: lag_only_error(force, gains, TICK_S)[start:] for name, gains in _gains().items()}
-    return Trial(
+    return RolloutTrial(
         plan,
         rejected,
         {} if panel is None else panel.scores(),

@@ -7,7 +7,7 @@ import numpy as np
 from control.command.guidance import GuidanceConfig
 from control.command.limits import DEFAULT_COMMAND
 from sim.training.references import Commands
-from sim.trials.control_trials import reachable_hands
+from sim.trials.random_segments import reachable_hands
 
 FREE, FORCE, TOUCH, SLIDE, LEAD = range(5)
 """Kinds of segment: no force axis; force axes against springs that move; against something stiff that does not, like a table;

@@ -22,6 +22,8 @@ from sim.trials.rollout_plans import RolloutPlan
 from sim.trials.rollout_profiles import MotionConfig, RandomMotion, SampledForce, random_spring, sampled_force
 
 ATTEMPTS = 8
+DRIVER = "model_based"
+"""Controller that drives every rollout, on the estimate of `adaptive`: data and tests do not depend on what is trained."""
 MINIMUM_HEIGHT_M = 0.2
 LIMIT_MARGIN_RAD = 0.01
 LIMIT_SHARE = 0.01
@@ -52,7 +54,7 @@ class Tick:
 
 def rollout_pipeline() -> Pipeline:
     """The pipeline that drives every rollout."""
-    return Pipeline(PipelineConfig(controller="model_based", estimator="adaptive", estimators=EstimatorsConfig(weights=None)))
+    return Pipeline(PipelineConfig(controller=DRIVER, estimator="adaptive", estimators=EstimatorsConfig(weights=None)))
 
 
 def drive(
