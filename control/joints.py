@@ -1,7 +1,7 @@
 """Joint order, gains and nominal posture of the robot: the one map between MuJoCo, Pinocchio and vendor orders, by name.
 
 The joint order everywhere in Forcelens is: FL, FR, RL, RR legs (hip, thigh, calf each), then the four wheels in the same
-order, then arm joints 1-6: 22 joints. Gains are the paper's (Sec. II.F) and equal the actuators of assets/robot/robot.xml.
+order, then arm joints 1-6: 22 joints. Gains are the paper's (Sec. II.E) and equal the actuators of assets/robot/robot.xml.
 """
 
 from collections.abc import Sequence
@@ -33,10 +33,10 @@ def _frozen(values: Sequence[float]) -> np.ndarray:
 
 
 STIFFNESS = _frozen([40.0] * 12 + [0.0] * 4 + [15.0] * 6)
-"""Proportional gains, shape (22,), N m/rad (paper Sec. II.F)."""
+"""Proportional gains, shape (22,), N m/rad (paper Sec. II.E)."""
 
 DAMPING = _frozen([2.0] * 12 + [3.0] * 4 + [1.0] * 6)
-"""Derivative gains, shape (22,), N m s/rad (paper Sec. II.F)."""
+"""Derivative gains, shape (22,), N m s/rad (paper Sec. II.E)."""
 
 TORQUE_LIMIT = _frozen([23.7, 23.7, 45.43] * 4 + [15.0] * 4 + [30.0, 60.0, 30.0, 30.0, 30.0, 30.0])
 """Peak actuator torque, shape (22,), N m (assets/robot/PROVENANCE.md)."""
