@@ -1,22 +1,25 @@
 """A server as people run it, on a free port, around the real session but with a stand-in for the 3-D scene's server."""
 
 import asyncio
+import contextlib
 import socket
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import httpx
 import pytest
 import uvicorn
 import websockets
+from websockets.exceptions import ConnectionClosed
 
 from server.app import create_app
 from server.control_client import ControlClient
 from server.control_process import ControlLaunch
 from server.operator import Operator
 from server.web_server import uvicorn_config
+from web.viser_door import Connection, ViserDoor
 
 SCENE_PROTOCOL = websockets.Subprotocol("viser-test")
 
@@ -44,31 +47,34 @@ class RunningServer:
         return state
 
 
-async def _echo(connection: websockets.ServerConnection) -> None:
-    async for message in connection:
-        await connection.send(message)
+async def _echo(connection: Connection) -> None:
+    with contextlib.suppress(ConnectionClosed):
+        while True:
+            await connection.send(await connection.recv())
+
+
+def _choose(_: object, offered: Sequence[str]) -> str | None:
+    return SCENE_PROTOCOL if SCENE_PROTOCOL in offered else None
 
 
 class _Background:
-    """An event loop in a thread, with the echo server that stands in for Viser."""
+    """An event loop in a thread, where an echo behind a door stands in for Viser."""
 
     def __init__(self) -> None:
-        self._loop = asyncio.new_event_loop()
-        self._thread = threading.Thread(target=self._loop.run_forever, daemon=True)
+        self.door = ViserDoor()
+        self._opened = threading.Event()
+        self._thread = threading.Thread(target=lambda: asyncio.run(self._serve()), daemon=True)
         self._thread.start()
-        self._echo = asyncio.run_coroutine_threadsafe(self._start(), self._loop).result(10.0)
-        self.port: int = next(iter(self._echo.sockets)).getsockname()[1]
+        assert self._opened.wait(10.0)
 
-    async def _start(self) -> websockets.Server:
-        return await websockets.serve(_echo, "127.0.0.1", 0, subprotocols=[SCENE_PROTOCOL], max_size=None)
-
-    async def _close(self) -> None:
-        self._echo.close()
-        await self._echo.wait_closed()
+    async def _serve(self) -> None:
+        self._loop, self._stop = asyncio.get_running_loop(), asyncio.Event()
+        async with self.door.serve(_echo, select_subprotocol=_choose):
+            self._opened.set()
+            await self._stop.wait()
 
     def stop(self) -> None:
-        asyncio.run_coroutine_threadsafe(self._close(), self._loop).result(10.0)
-        self._loop.call_soon_threadsafe(self._loop.stop)
+        self._loop.call_soon_threadsafe(self._stop.set)
         self._thread.join(5.0)
 
 
@@ -80,7 +86,7 @@ def shared_server() -> Iterator[RunningServer]:
     scene = _Background()
     operator = Operator(client, launch)
     client.wait_ready()
-    server = uvicorn.Server(uvicorn_config(create_app(operator, viser_port=scene.port)))
+    server = uvicorn.Server(uvicorn_config(create_app(operator, scene=scene.door)))
     with socket.create_server(("127.0.0.1", 0)) as listener:
         port = listener.getsockname()[1]
         thread = threading.Thread(target=server.run, kwargs={"sockets": [listener]}, daemon=True)
