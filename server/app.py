@@ -19,17 +19,18 @@ from server.operator import Operator
 from server.responses import json_response
 from server.routes import ROUTERS
 from server.validation import invalid_fields
+from web.viser_door import ViserDoor
 from web.viser_page import STATIC
 
 HEARTBEAT_PERIOD_S = 0.05
 
 
-def create_app(operator: Operator, *, viser_port: int, token: str | None = None) -> FastAPI:
+def create_app(operator: Operator, *, scene: ViserDoor, token: str | None = None) -> FastAPI:
     """The application around one operator.
 
     Args:
         operator: acts on a control process that is already started.
-        viser_port: loopback port of the 3-D scene's server.
+        scene: the way to the 3-D scene's server.
         token: required of every request, None for none.
     """
     build = build_info()
@@ -37,7 +38,7 @@ def create_app(operator: Operator, *, viser_port: int, token: str | None = None)
     app.state.build = build
     app.state.operator = operator
     app.state.encoder = stream.SnapshotEncoder(operator.client)
-    app.state.viser_port = viser_port
+    app.state.scene = scene
     app.add_exception_handler(RequestValidationError, _invalid_request)
     app.add_exception_handler(ServerError, _refused)
     for router in ROUTERS:

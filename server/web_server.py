@@ -1,7 +1,5 @@
-"""The web process' two servers: the 3-D scene on loopback, and uvicorn with everything that browsers reach."""
+"""The web process' two servers: the 3-D scene, which has no port, and uvicorn with everything that browsers reach."""
 
-import contextlib
-import io
 import os
 import socket
 import sys
@@ -29,17 +27,15 @@ MAX_MESSAGE_BYTES = 64 * 2**20
 def run_web_server(config: ServerConfig, listener: socket.socket, operator: Operator, announce: Callable[[str], None]) -> None:
     """Serve on `listener` until interrupted; see server.runner.serve."""
     operator.client.wait_ready()
-    with contextlib.redirect_stdout(io.StringIO()):  # Viser announces its own address, which is not the one to open
-        console = Console(operator, operator.client.live_snapshot)
+    console = Console(operator, operator.client.live_snapshot)
     console.start()
     try:
-        app = create_app(operator, viser_port=console.port, token=config.token)
+        app = create_app(operator, scene=console.door, token=config.token)
         address = page_address(config, listener)
         server = _Server(uvicorn_config(app), lambda: _open_page(config, address, announce))
         server.run(sockets=[listener])
     finally:
-        with contextlib.redirect_stdout(io.StringIO()):
-            console.stop()
+        console.stop()
 
 
 def uvicorn_config(app: FastAPI) -> uvicorn.Config:
