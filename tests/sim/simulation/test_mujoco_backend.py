@@ -10,8 +10,9 @@ from control.frames import rotation_from_quaternion, rotation_heading_to_world
 from control.joints import ARM_SLICE, JOINT_COUNT, JOINT_NAMES, NOMINAL_POSITION, TORQUE_LIMIT, WHEEL_SLICE
 from control.types import JointCommand
 from sim.backends.protocol import BackendError
+from sim.backends.simulation.drag_spring import DRAG_LIMIT_N
 from sim.backends.simulation.mismatch import Mismatch
-from sim.backends.simulation.mujoco_backend import DRAG_LIMIT_N, MujocoBackend
+from sim.backends.simulation.mujoco_backend import MujocoBackend
 from sim.backends.simulation.sensors import SensorConfig
 from sim.backends.simulation.wrenches import Pulse
 

@@ -4,7 +4,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from sim.backends.simulation.wrenches import MAX_SOURCES, BodyState, Pulse, Spring, WrenchSources
+from sim.backends.simulation.applied_wrenches import MAX_SOURCES, AppliedWrenches
+from sim.backends.simulation.wrenches import BodyState, Pulse, Spring
 
 STEP_S = 0.002
 CENTER_OF_MASS = np.array([0.05, -0.02, 0.03])
@@ -30,7 +31,7 @@ class World:
         self.data = mujoco.MjData(self.model)
         self.body = self.model.body("end_effector").id
         mujoco.mj_forward(self.model, self.data)
-        self.sources = WrenchSources(self.model, self.data)
+        self.sources = AppliedWrenches(self.model, self.data)
 
     def run(self, ticks: int) -> np.ndarray:
         """Force (ticks, 3) applied on the end effector per tick."""
