@@ -4,16 +4,16 @@ from collections.abc import Iterator
 from typing import Any
 
 import pytest
-from console_page import PATIENCE_S, ROBOT_DOMAIN, Api, Client, eventually, happens
-
-pytest.importorskip("cyclonedds", reason="extra 'hardware' is not installed")
 
 from sim.emulator.process import EmulatorProcess
+from tests.browser.console_page import PATIENCE_S, Api, Client, eventually, happens
+
+pytestmark = pytest.mark.hardware
 
 
 @pytest.fixture
-def robot(arm_port: int, client: Client, api: Api) -> Iterator[EmulatorProcess]:
-    robot = EmulatorProcess(ROBOT_DOMAIN, arm_port)
+def robot(domain: int, arm_port: int, client: Client, api: Api) -> Iterator[EmulatorProcess]:
+    robot = EmulatorProcess(domain, arm_port)
     client.show_tab("Robot")
     yield robot
     client.show_tab("Command")  # where the other tests expect this page

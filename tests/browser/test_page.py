@@ -1,7 +1,7 @@
 """The page loads clean, and its bar and keys do what they say."""
 
-from console_page import Api, Client, eventually
-from page_geometry import is_on_top
+from tests.browser.console_page import Api, Client, eventually
+from tests.browser.page_geometry import is_on_top
 
 
 def test_it_loads_without_errors(client: Client, api: Api) -> None:

@@ -6,13 +6,13 @@ import time
 from collections.abc import Callable, Iterator
 
 import pytest
-from fake_session import FakeSession, failing_session
 
 from server.control_client import MAX_PENDING, ControlClient
 from server.control_process import ControlLaunch
 from server.errors import ControlDeadError, ControlTimeoutError, InvalidFieldError, MissingError, RefusedError, ServerError
 from sim.runtime.session import SessionConfig
 from sim.runtime.snapshot import Mode
+from tests.server.fake_session import FakeSession, failing_session
 
 
 def eventually(condition: Callable[[], bool]) -> None:

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from fake_session import FakeSession
 
 from control.command.limits import DEFAULT_COMMAND
 from server.control_loop import PUBLISH_EVERY, ControlLoop
@@ -17,6 +16,7 @@ from server.pacing import Pacer
 from sim.processes import shared_record
 from sim.processes.shared_record import SharedRecord
 from sim.runtime.snapshot import SETPOINT, SNAPSHOT, Mode
+from tests.server.fake_session import FakeSession
 
 CONTEXT = multiprocessing.get_context("spawn")
 

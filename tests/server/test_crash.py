@@ -4,7 +4,8 @@ import os
 import signal
 
 import pytest
-from conftest import RunningServer
+
+from tests.server.running_server import RunningServer
 
 
 @pytest.fixture

@@ -5,11 +5,11 @@ import math
 
 import httpx
 import pytest
-from conftest import RunningServer
 
 from control.joints import JOINT_COUNT, JOINT_NAMES
 from server import operator
 from sim.backends.unitree.dds import INSTALL_HINT
+from tests.server.running_server import RunningServer
 
 
 def strict(response: httpx.Response) -> dict:

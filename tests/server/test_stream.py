@@ -6,9 +6,10 @@ import socket
 import time
 
 import pytest
-from conftest import RunningServer
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
+
+from tests.server.running_server import RunningServer
 
 PATH = "/api/v1/stream"
 

@@ -6,10 +6,10 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 import websockets.sync.client
-from recording_sink import RecordingSink
 from viser import __version__ as viser_version
 
 from sim.runtime.snapshot import Mode
+from tests.web.recording_sink import RecordingSink
 from web.console import Console
 
 

@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hardware_rig import Rig
 
 from control.joints import ARM_SLICE, LEG_SLICE, NOMINAL_POSITION, TORQUE_LIMIT, WHEEL_SLICE
 from control.types import JointCommand
@@ -13,6 +12,7 @@ from sim.backends.hardware.states import ALLOWED_FROM, DriveState, Request, Trip
 from sim.backends.unitree.motors import SLOT_OF_JOINT, UNUSED_SLOTS, used_slots
 from sim.backends.unitree.rpc import RpcResponse
 from sim.backends.z1.frames import ArmMode
+from tests.sim.hardware.hardware_rig import Rig
 
 
 def test_nothing_is_published_before_the_motors_are_ours(make_rig: Callable[..., Rig]) -> None:

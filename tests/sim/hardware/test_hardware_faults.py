@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hardware_rig import Rig
 
 from control.joints import JOINT_NAMES, TORQUE_LIMIT
 from control.types import JointCommand
@@ -16,6 +15,7 @@ from sim.backends.hardware.records import IoMemory
 from sim.backends.hardware.states import DriveState, Request, Trip
 from sim.emulator.base_board import COMMAND_TIMEOUT_S
 from sim.emulator.faults import Faults
+from tests.sim.hardware.hardware_rig import Rig
 
 TICK_S = 0.002
 

@@ -4,7 +4,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hardware_rig import Rig
 
 from control.command.limits import DEFAULT_COMMAND
 from control.types import Command, JointCommand
@@ -15,6 +14,7 @@ from sim.backends.hardware.states import DriveState
 from sim.runtime.hardware_session import HardwareSession
 from sim.runtime.session import SessionError
 from sim.runtime.snapshot import SNAPSHOT, Mode
+from tests.sim.hardware.hardware_rig import Rig
 
 
 class LockstepBackend(HardwareBackend):

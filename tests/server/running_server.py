@@ -1,0 +1,89 @@
+"""A server as people run it, on a free port, around the real session but with a stand-in for the 3-D scene's server."""
+
+import socket
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
+from dataclasses import dataclass
+
+import httpx
+import uvicorn
+import websockets
+from fastapi import FastAPI
+from websockets.sync.server import ServerConnection, serve
+
+from server.app import create_app
+from server.control_client import ControlClient
+from server.control_process import ControlLaunch
+from server.operator import Operator
+from server.web_server import uvicorn_config
+
+SCENE_PROTOCOL = websockets.Subprotocol("viser-test")
+
+
+@dataclass
+class RunningServer:
+    """A server in this process, its control process, and a client of it."""
+
+    port: int
+    operator: Operator
+    http: httpx.Client
+
+    def socket_url(self, path: str) -> str:
+        return f"ws://127.0.0.1:{self.port}{path}"
+
+    def state(self) -> dict:
+        return self.http.get("/api/v1/state").json()
+
+    def wait_for(self, condition: Callable[[dict], bool]) -> dict:
+        """The first state that fulfils a condition."""
+        end = time.monotonic() + 20.0
+        while not condition(state := self.state()):
+            assert time.monotonic() < end, f"did not happen; the state is {state}"
+            time.sleep(0.01)
+        return state
+
+
+@contextmanager
+def running_server() -> Iterator[RunningServer]:
+    """Its processes and threads end with the context."""
+    launch = ControlLaunch()
+    with closing(ControlClient(launch)) as client, _scene() as scene_port:
+        client.start()
+        operator = Operator(client, launch)
+        client.wait_ready()
+        app = create_app(operator, viser_port=scene_port)
+        with _served(app) as port, httpx.Client(base_url=f"http://127.0.0.1:{port}", timeout=30.0) as http:
+            running = RunningServer(port, operator, http)
+            running.wait_for(lambda state: state.get("time_s", 0.0) > 0.0)
+            yield running
+
+
+@contextmanager
+def _scene() -> Iterator[int]:
+    """Port of an echo that stands in for Viser."""
+
+    def echo(connection: ServerConnection) -> None:
+        for message in connection:
+            connection.send(message)
+
+    with serve(echo, "127.0.0.1", 0, subprotocols=[SCENE_PROTOCOL], max_size=None) as server:
+        threading.Thread(target=server.serve_forever).start()
+        yield server.socket.getsockname()[1]
+
+
+@contextmanager
+def _served(app: FastAPI) -> Iterator[int]:
+    """Port of an application."""
+    server = uvicorn.Server(uvicorn_config(app))
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        thread = threading.Thread(target=server.run, kwargs={"sockets": [listener]})
+        thread.start()
+        try:
+            while not server.started:
+                time.sleep(0.01)
+            yield listener.getsockname()[1]
+        finally:
+            server.should_exit = True
+            thread.join()
