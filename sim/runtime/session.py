@@ -13,9 +13,10 @@ from control.frames import rotation_z
 from control.pipeline import TICK_S, Pipeline, PipelineConfig, PipelineOutput
 from control.types import Command
 from sim.backends.protocol import GroundTruth
+from sim.backends.simulation.applied_wrenches import ActiveWrench
 from sim.backends.simulation.mujoco_backend import MujocoBackend
 from sim.backends.simulation.sensors import SensorConfig
-from sim.backends.simulation.wrenches import ActiveWrench, Pulse
+from sim.backends.simulation.wrenches import Pulse
 from sim.runtime.snapshot import Mode, command_from_record, command_to_record
 from sim.runtime.snapshot_writer import write_forces, write_policy, write_robot
 
