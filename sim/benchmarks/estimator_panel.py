@@ -8,16 +8,11 @@ import numpy as np
 from control.estimation.force_estimator import EstimatorInput, ForceEstimator
 from control.estimation.registry import EstimatorsConfig, make_estimators
 from control.frames import rotation_from_quaternion
-from control.pipeline import TICK_S
 from control.robot_model import RobotModel
 from control.types import BaseState, SensorFrame
 from sim.backends.protocol import GroundTruth
 from sim.benchmarks.estimator_ablations import Ablation, make_ablation
 from sim.benchmarks.estimator_scores import Scores
-
-SAMPLE_TICKS = 10
-PERIOD_S = SAMPLE_TICKS * TICK_S
-"""Every estimate is sampled at 50 Hz, whatever the live loop spends on it."""
 
 
 class EstimatorPanel:
@@ -58,7 +53,7 @@ class EstimatorPanel:
                 estimator.observe(informed)
 
     def sample(self, truth: GroundTruth, scored: bool) -> None:
-        """Ask every estimator, every SAMPLE_TICKS from the first tick on: networks count their steps by it.
+        """Ask every estimator, once per control period from the first tick on, whatever the live loop spends on it.
 
         Args:
             truth: of this tick.

@@ -11,10 +11,8 @@ from control.estimation.force_estimator import EstimatorInput
 from control.estimation.networks.force_network import ForceNetwork
 from control.estimation.networks.force_signals import signals_at
 from control.estimation.projecting_estimator import ProjectingEstimator
+from control.timing import SLOT_COUNT, Job, slots
 from control.types import ForceEstimate
-
-FIRST_STEP_LEAD_TICKS = 2
-"""By how much the second step of a network comes early."""
 
 
 class LearnedEstimator:
@@ -65,8 +63,8 @@ class LearnedEstimator:
         if self._inputs is None:
             raise RuntimeError("no tick observed since the last reset; call observe before estimate")
         if self._ticks_since_step >= self._ticks_per_step:
-            # An estimate at every tick begins with the controller's: the next step comes at a tick that has room for it.
-            self._ticks_since_step = 0 if self._started else FIRST_STEP_LEAD_TICKS
+            # An estimate at every tick begins in slot 0: the second step comes early, in the slot that networks have.
+            self._ticks_since_step = 0 if self._started else SLOT_COUNT - slots(Job.NETWORK_STEP)[0]
             self._started = True
             self._force, self._sigma = self._network.step(signals_at(self._inputs, self._nominal, nominal))
         if self._corrects:

@@ -11,13 +11,14 @@ from control.estimation.force_estimator import EstimatorInput
 from control.estimation.networks.force_features import HYBRID_GROUPS, PAPER_GROUPS, feature_names
 from control.estimation.networks.force_network import NetworkManifest
 from control.estimation.networks.force_signals import signals_at
-from control.estimation.networks.learned_estimators import FIRST_STEP_LEAD_TICKS, LearnedEstimator
+from control.estimation.networks.learned_estimators import LearnedEstimator
 from control.estimation.networks.network_weights import WeightsError, load_network, save_network
 from control.estimation.networks.residual_tcn import TcnShape, parameter_shapes
 from control.estimation.projecting_estimator import ProjectingEstimator
 from control.estimation.registry import LEARNED_NAMES, MODEL_BASED_NAMES, EstimatorsConfig, make_estimators
 from control.joints import JOINT_COUNT, NOMINAL_POSITION
 from control.robot_model import RobotModel
+from control.timing import CONTROL_PERIOD_S, TICK_S, Job, slots
 from control.types import SensorFrame
 
 
@@ -30,7 +31,7 @@ def save(directory: Path, name: str, nominal: str | None, groups: tuple[str, ...
     arrays |= {"feature_mean": np.zeros(len(names)), "feature_std": np.full(len(names), 10.0)}
     sigma, slopes = ((1.0, 1.0, 1.0), (0.5, 0.3)) if gaussian else (None, ())
     limit = (5.0, 5.0, 5.0)
-    manifest = NetworkManifest(name, nominal, groups, (), names, shape, 0.02, 2.0, limit, 0.0, sigma, slopes)
+    manifest = NetworkManifest(name, nominal, groups, (), names, shape, CONTROL_PERIOD_S, 2.0, limit, 0.0, sigma, slopes)
     save_network(directory, manifest, arrays)
 
 
@@ -53,7 +54,7 @@ class Robot:
 
     def tick(self) -> EstimatorInput:
         noise = self._random.standard_normal
-        self._time += 0.002
+        self._time += TICK_S
         sensor = SensorFrame(
             time_s=self._time,
             orientation_wxyz=np.array([1.0, 0.0, 0.0, 0.0]),
@@ -108,7 +109,7 @@ def test_between_network_steps_the_correction_holds_and_the_nominal_part_does_no
         hybrid.observe(robot.tick())
         nominals.append(adaptive.estimate().force_estimated_n)
         corrections.append(hybrid.estimate().force_estimated_n - nominals[-1])
-    second = 10 - FIRST_STEP_LEAD_TICKS
+    (second,) = slots(Job.NETWORK_STEP)
     for start, stop in ((0, second), (second, second + 10), (second + 10, second + 20)):
         block = np.array(corrections[start:stop])
         assert np.abs(block - block[0]).max() < 1e-9
