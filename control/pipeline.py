@@ -184,7 +184,7 @@ class Pipeline:
             base.angular_velocity_in_base,
             sensor.joint_velocity,
         )
-        self._estimate(EstimatorInput(self.model, sensor, base, self._applied.mask))
+        self._estimate(EstimatorInput(self._tick, self.model, sensor, base, self._applied.mask))
         selected = self._estimates[self.estimator_name]
         heading = rotation_heading_to_world(base.rotation_base_to_world)
         hand = self._hand(base.height_m, heading, selected)

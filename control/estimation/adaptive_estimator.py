@@ -70,7 +70,6 @@ class AdaptiveEstimator(ProjectingEstimator):
         self._costs = config.weights.costs()
         self._arm_rows = model.joint_rows[ARM_SLICE]
         self._friction_groups = friction_groups(model)
-        self._tick = 0
 
     @property
     def mass_scales(self) -> np.ndarray:
@@ -81,15 +80,13 @@ class AdaptiveEstimator(ProjectingEstimator):
         """Forget the past, the masses and the frictions."""
         super().reset()
         self._adaptation.reset()
-        self._tick = 0
 
     def observe(self, inputs: EstimatorInput) -> None:
         """Take in one 500 Hz tick, once; one in a control period adapts the model."""
         if not self._residual.observe(inputs):
             return
-        if due(Job.ADAPTATION, self._tick) and math.isfinite(self.residual.sum()):
+        if due(Job.ADAPTATION, inputs.tick) and math.isfinite(self.residual.sum()):
             self._adapt()
-        self._tick += 1
 
     def _adapt(self) -> None:
         rows, regressor = self._trusted_rows(), self._regressor()

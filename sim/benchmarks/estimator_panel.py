@@ -34,6 +34,7 @@ class EstimatorPanel:
             group, its_model = (self._informed, self._true_model) if ablation.true_velocity else (self._estimators, model)
             group[ablation.name] = make_ablation(ablation, its_model, config)
         self.force_true_n: list[np.ndarray] = []
+        self._tick = 0
         self._errors: dict[str, list[np.ndarray]] = {name: [] for name in self.names}
         self._sigmas: dict[str, list[np.ndarray]] = {name: [] for name in self.names}
 
@@ -44,7 +45,8 @@ class EstimatorPanel:
 
     def observe(self, sensor: SensorFrame, base: BaseState, mask: np.ndarray, truth: GroundTruth) -> None:
         """Feed one tick, after the pipeline has taken it."""
-        inputs = EstimatorInput(self._model, sensor, base, mask)
+        inputs = EstimatorInput(self._tick, self._model, sensor, base, mask)
+        self._tick += 1
         for estimator in self._estimators.values():
             estimator.observe(inputs)
         if self._informed:
@@ -85,4 +87,4 @@ class EstimatorPanel:
             known.angular_velocity_in_base,
             sensor.joint_velocity,
         )
-        return EstimatorInput(self._true_model, sensor, known, inputs.mask)
+        return EstimatorInput(inputs.tick, self._true_model, sensor, known, inputs.mask)

@@ -58,7 +58,8 @@ def _record(plan: RolloutPlan, seed: int) -> dict[str, np.ndarray]:
 
 def _row(runner: RolloutRunner, tick: Tick) -> dict[str, np.ndarray]:
     """What is recorded of one tick."""
-    inputs = EstimatorInput(runner.pipeline.model, tick.sensor, tick.output.base, tick.output.applied_command.mask)
+    output = tick.output
+    inputs = EstimatorInput(tick.index, runner.pipeline.model, tick.sensor, output.base, output.applied_command.mask)
     row: dict[str, np.ndarray] = {}
     for name in NOMINAL_ESTIMATORS:
         estimator = runner.pipeline.estimators[name]

@@ -63,7 +63,7 @@ class StandingRobot:
             np.zeros(JOINT_COUNT),
             torque,
         )
-        return EstimatorInput(model, sensor, BaseState(np.eye(3), zero, zero, 0.36))
+        return EstimatorInput(round(self.time_s / TICK_S) - 1, model, sensor, BaseState(np.eye(3), zero, zero, 0.36))
 
 
 def make(robot: StandingRobot) -> dict[str, ForceEstimator]:

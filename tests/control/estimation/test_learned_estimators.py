@@ -67,7 +67,7 @@ class Robot:
         base = self._base_state.step(sensor)
         velocities = base.linear_velocity_in_base, base.angular_velocity_in_base
         self.model.update(base.rotation_base_to_world, sensor.joint_position, *velocities, sensor.joint_velocity)
-        return EstimatorInput(self.model, sensor, base)
+        return EstimatorInput(round(self._time / TICK_S) - 1, self.model, sensor, base)
 
 
 def test_all_networks_run_and_a_missing_one_is_said_with_its_cure(weights: Path) -> None:

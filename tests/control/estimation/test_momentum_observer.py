@@ -160,7 +160,7 @@ class FallingRobot:
         sensor = SensorFrame(
             self.time_s, np.array([1.0, 0, 0, 0]), np.zeros(3), np.zeros(3), self.position, joint_velocity, self.torque
         )
-        return EstimatorInput(self.model, sensor, base)
+        return EstimatorInput(round(self.time_s / TICK_S), self.model, sensor, base)
 
 
 @pytest.mark.parametrize("friction", [False, True])
@@ -211,10 +211,9 @@ def test_sharing_estimators_advance_the_observer_once_per_tick() -> None:
     once, twice = (MomentumResidual(FAST_GAINS, TICK_S, with_friction=False) for _ in range(2))
     for _ in range(5):
         robot.advance(np.zeros(28), False)
-        inputs = robot.inputs()
-        once.observe(inputs)
-        twice.observe(inputs)
-        twice.observe(inputs)
+        once.observe(robot.inputs())
+        assert twice.observe(robot.inputs())
+        assert not twice.observe(robot.inputs())
     np.testing.assert_array_equal(once.residual, twice.residual)
 
 
