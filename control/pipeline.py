@@ -24,7 +24,7 @@ from control.paths import WEIGHTS_DIRECTORY
 from control.policy.policy_controller import make_policies
 from control.robot_model import RobotModel
 from control.safety import Fault, SafetyConfig, SafetyGate, SafetyStatus
-from control.timing import CONTROL_PERIOD_S, SLOT_COUNT, Job, due, slots
+from control.timing import CONTROL_PERIOD_S, SLOT_COUNT, Job, due, shown_slots
 from control.types import BaseState, Command, ForceEstimate, JointCommand, SensorFrame
 from control.whole_body.controller import Controller, ControllerInput
 from control.whole_body.model_based import ModelBasedController
@@ -148,6 +148,7 @@ class Pipeline:
         if gains is not None:
             self._estimators[name].set_gains(*gains)
         self.estimator_name = name
+        self._shown_slots = shown_slots(self.estimator_names, name)
 
     @property
     def estop_latched(self) -> bool:
@@ -212,11 +213,10 @@ class Pipeline:
         self._applied = self._filter.step(replace(command, force_n=share * command.force_n), hand, CONTROL_PERIOD_S)
 
     def _estimate(self, inputs: EstimatorInput) -> None:
-        slot = self._tick % SLOT_COUNT
-        turns = slots(Job.SHOWN_ESTIMATE)
-        for index, (name, estimator) in enumerate(self._estimators.items()):
+        slot = inputs.tick % SLOT_COUNT
+        for name, estimator in self._estimators.items():
             estimator.observe(inputs)
-            if name == self.estimator_name or slot == turns[index % len(turns)]:
+            if name == self.estimator_name or slot == self._shown_slots[name]:
                 self._estimates[name] = estimator.estimate()
 
     def _hand(self, base_height_m: float, heading: np.ndarray, estimate: ForceEstimate) -> HandState:

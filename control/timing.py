@@ -5,6 +5,7 @@ is k modulo SLOT_COUNT. A job that takes a large part of a tick has a slot to it
 others; cheap jobs share.
 """
 
+from collections.abc import Sequence
 from enum import Enum, auto
 
 TICK_S = 0.002
@@ -55,9 +56,32 @@ CHEAP_JOBS = frozenset({Job.SNAPSHOT, Job.LIVE_ERRORS})
 """Jobs that may share a slot. All others have one to themselves."""
 
 
+class TimetableError(ValueError):
+    """There are more estimators than slots to show them in."""
+
+
 def slots(job: Job) -> tuple[int, ...]:
     """Slots in which a job runs, ascending."""
     return tuple(slot for slot, jobs in enumerate(TIMETABLE) if job in jobs)
+
+
+def shown_slots(names: Sequence[str], selected: str) -> dict[str, int]:
+    """Slot in which each of the estimators `names` is shown, but for the one that is `selected` to feed the controller.
+
+    Each of the first has a slot of its own. One more takes over that of the selected estimator, which estimates at every tick
+    and steps its network in the slot of NETWORK_STEP.
+
+    Raises:
+        TimetableError: two estimators would share a slot.
+    """
+    own = slots(Job.SHOWN_ESTIMATE)
+    if len(names) > len(own) + 1:
+        raise TimetableError(f"there are slots for {len(own) + 1} estimators, not for {', '.join(names)}; leave some out")
+    shown = dict(zip(names, own, strict=False))
+    freed = shown.pop(selected, None)
+    if len(names) > len(own) and freed is not None:
+        shown[names[-1]] = freed
+    return shown
 
 
 def due(job: Job, tick: int) -> bool:

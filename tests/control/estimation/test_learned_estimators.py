@@ -9,7 +9,7 @@ import pytest
 from control.estimation.base_state import BaseStateConfig, BaseStateEstimator
 from control.estimation.force_estimator import EstimatorInput
 from control.estimation.networks.force_features import HYBRID_GROUPS, PAPER_GROUPS, feature_names
-from control.estimation.networks.force_network import NetworkManifest
+from control.estimation.networks.force_network import ForceNetwork, NetworkManifest
 from control.estimation.networks.force_signals import signals_at
 from control.estimation.networks.learned_estimators import LearnedEstimator
 from control.estimation.networks.network_weights import WeightsError, load_network, save_network
@@ -18,7 +18,7 @@ from control.estimation.projecting_estimator import ProjectingEstimator
 from control.estimation.registry import LEARNED_NAMES, MODEL_BASED_NAMES, EstimatorsConfig, make_estimators
 from control.joints import JOINT_COUNT, NOMINAL_POSITION
 from control.robot_model import RobotModel
-from control.timing import CONTROL_PERIOD_S, TICK_S, Job, slots
+from control.timing import CONTROL_PERIOD_S, SLOT_COUNT, TICK_S, Job, slots
 from control.types import SensorFrame
 
 
@@ -115,6 +115,22 @@ def test_between_network_steps_the_correction_holds_and_the_nominal_part_does_no
         assert np.abs(block - block[0]).max() < 1e-9
         assert np.abs(corrections[stop] - block[0]).max() > 1e-6
     assert np.abs(np.diff(nominals, axis=0)).min(axis=0).max() > 0.0
+
+
+def test_a_network_moves_to_its_slot_when_every_tick_asks_and_back_when_few_do(weights: Path, monkeypatch) -> None:
+    robot = Robot()
+    hybrid = make_estimators(robot.model, EstimatorsConfig(weights=weights))["hybrid"]
+    stepped: list[int] = []
+    step = ForceNetwork.step
+    monkeypatch.setattr(ForceNetwork, "step", lambda self, signals: (stepped.append(tick), step(self, signals))[1])
+    own, selected = 7, range(33, 72)
+    for tick in range(100):
+        hybrid.observe(robot.tick())
+        if tick in selected or tick % SLOT_COUNT == own:
+            hybrid.estimate()
+    (slot,) = slots(Job.NETWORK_STEP)
+    assert stepped == [7, 17, 27, 30 + slot, 40 + slot, 50 + slot, 60 + slot, 87, 97]
+    assert np.diff(stepped).min() > SLOT_COUNT // 2
 
 
 def test_sharing_a_nominal_estimator_does_not_disturb_it(weights: Path) -> None:
