@@ -9,7 +9,7 @@ from concurrent.futures import ProcessPoolExecutor
 
 import pytest
 
-from control.pipeline import TICK_S
+from control.timing import TICK_S
 from server.control_loop import ControlLoop
 from server.pacing import Pacer
 from server.setpoint import default_setpoint
