@@ -4,6 +4,7 @@ import asyncio
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 
+from anyio import to_thread
 from fastapi import FastAPI, Request, Response
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import FileResponse, HTMLResponse
@@ -11,10 +12,12 @@ from fastapi.staticfiles import StaticFiles
 
 from server import stream, viser_relay
 from server.access import AccessControl
+from server.body_limit import BodyLimit
 from server.build_info import build_info
 from server.control_client import ControlClient
 from server.docs_page import docs_page
 from server.errors import InvalidFieldError, ServerError
+from server.event_channel import MAX_PENDING
 from server.operator import Operator
 from server.responses import json_response
 from server.routes import ROUTERS
@@ -23,6 +26,8 @@ from web.viser_door import ViserDoor
 from web.viser_page import STATIC
 
 HEARTBEAT_PERIOD_S = 0.05
+SPARE_THREADS = 40
+"""Beside those of calls that all wait for a control process that hangs."""
 
 
 def create_app(operator: Operator, *, scene: ViserDoor, token: str | None = None) -> FastAPI:
@@ -48,6 +53,7 @@ def create_app(operator: Operator, *, scene: ViserDoor, token: str | None = None
     app.add_api_route("/", _page, include_in_schema=False)
     app.add_api_route("/docs", lambda: HTMLResponse(docs_page(app.openapi())), include_in_schema=False)
     app.mount("/static", StaticFiles(directory=STATIC), name="static")
+    app.add_middleware(BodyLimit)
     app.add_middleware(AccessControl, token=token)
     return app
 
@@ -58,6 +64,7 @@ def _page() -> Response:
 
 @asynccontextmanager
 async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
+    to_thread.current_default_thread_limiter().total_tokens = MAX_PENDING + SPARE_THREADS
     heart = asyncio.create_task(_beat(app.state.operator.client))
     try:
         yield

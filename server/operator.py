@@ -7,7 +7,6 @@ import contextlib
 import threading
 import time
 from collections.abc import Iterator, Mapping
-from concurrent.futures import Future
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -58,7 +57,6 @@ class Operator:
         self._hardware = hardware or HardwareConfig()
         self.robot = RobotHandle(client)
         self._switching = threading.Lock()
-        self._stop_on_start = False
         self._lock = threading.Lock()
         self._command = clip_command(DEFAULT_COMMAND, self.limits)
         self._sequence = 0
@@ -199,28 +197,24 @@ class Operator:
         self._client.call("reset", SLOW_CALL_TIMEOUT_S, seed=seed, keyframe=keyframe)
         self._hold()
 
-    def estop(self) -> dict[str, Any]:
-        """Latch the e-stop; answers `{latched, mode}` as the backend reports it."""
-        return self.submit_estop().result(SLOW_CALL_TIMEOUT_S)
+    def estop(self) -> int:
+        """Ask for the e-stop, without waiting for anything; `client.estops.taken` tells when the returned number has acted.
 
-    def submit_estop(self) -> "Future[dict[str, Any]]":
-        """`estop` without waiting for the answer. A robot's I/O process is told first, which needs no control process.
-
-        Raises:
-            ControlDeadError, ControlTimeoutError: see ControlClient.submit; the next control process starts stopped.
+        What finds no control process, or one that hangs, is latched by the next one. A robot's I/O process is told too.
         """
+        number = self._client.estops.ask()
         self.robot.estop()
-        try:
-            return self._client.submit("estop")
-        except ControlDeadError:
-            self._stop_on_start = self.robot.choice.hardware is not None
-            raise
+        return number
 
     def clear_estop(self) -> dict[str, Any]:
-        """Clear the e-stop, with the command at its default; answers `{latched, mode}`."""
+        """Clear the e-stop, with the command at its default; answers `{latched, mode}`.
+
+        Raises:
+            RefusedError: it was pressed again meanwhile.
+        """
+        asked = self._client.estops.asked
         self._hold()
-        self._stop_on_start = False
-        return self._client.call("clear_estop")
+        return self._client.call("clear_estop", estops=asked)
 
     def restart(self, *, force: bool) -> None:
         """Start a fresh control process in a hold: paused, default command, same scene and selection, e-stop kept.
@@ -253,7 +247,7 @@ class Operator:
         """A fresh control process with the selection and the latched e-stop of the last one."""
         session = self._launch.session
         snapshot = self._client.snapshot()
-        estopped = self._latched() or self._stop_on_start
+        estopped = self._latched()
         if snapshot is not None:
             pipeline = replace(
                 session.pipeline, controller=snapshot["controller"].decode(), estimator=snapshot["estimator"].decode()
@@ -264,10 +258,7 @@ class Operator:
         self._hold()
         self.selection = Selection()
         self.robot.choice = choice
-        self._stop_on_start = False
         self._client.restart(session=session, estopped=estopped, **choice.launch(paused=paused))
-        if self._stop_on_start:  # asked for meanwhile
-            self.submit_estop()
 
     def _hold(self) -> None:
         with self._lock:
@@ -283,7 +274,7 @@ class Operator:
 
     def _latched(self) -> bool:
         snapshot = self._client.snapshot()
-        return snapshot is not None and snapshot["mode"] == Mode.ESTOP
+        return self._client.estops.pending or (snapshot is not None and snapshot["mode"] == Mode.ESTOP)
 
     def _require_choice(self, kind: str, name: str) -> None:
         choices = self.available()[kind]

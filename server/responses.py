@@ -40,6 +40,7 @@ def answers(example: Any, *, status: int = 200, description: str = "Done", refus
     responses: dict[int | str, Any] = {status: _described(description, example)}
     if refusable:
         responses[409] = _described("The state forbids it; the message says what to do", REFUSED_EXAMPLE)
+        responses[413] = _described("The body is too large", {"detail": "the body is too large; allowed: 16 KiB"})
         responses[422] = _described("A field is not allowed; nothing changed", INVALID_EXAMPLE)
         responses[503] = _described("No control process runs", DEAD_EXAMPLE)
     return responses

@@ -24,6 +24,8 @@ _DURATION = Number((TICK_S, 600.0), "s")
 _GAIN = Number((0.1, 1000.0))
 _SEED = Number((0, 2**31 - 1))
 
+MAX_LINKS = 64
+
 Name = Annotated[str, Field(min_length=1, max_length=64)]
 
 
@@ -145,7 +147,7 @@ class MismatchRequest(RequestModel):
     model_config = _examples({"mass_scale": 1.2}, {"mass_scale": 1.0, "per_link": {"base": 1.3}})
 
     mass_scale: Annotated[float, Number(MASS_SCALE_RANGE)]
-    per_link: dict[Name, Annotated[float, Number(MASS_SCALE_RANGE)]] = Field(default_factory=dict)
+    per_link: dict[Name, Annotated[float, Number(MASS_SCALE_RANGE)]] = Field(default_factory=dict, max_length=MAX_LINKS)
 
 
 class WrenchRequest(RequestModel):

@@ -3,6 +3,7 @@
 import time
 from typing import Any
 
+from anyio import CapacityLimiter, to_thread
 from fastapi import APIRouter, Response
 
 from server.dependencies import TheBuild, TheOperator
@@ -13,6 +14,9 @@ from server.state import loop_json, state_json
 STALLED_AFTER_S = 1.0
 
 router = APIRouter(prefix="/api/v1", tags=["system"])
+
+_restarting = CapacityLimiter(2)
+"""Threads of its own: calls that wait for a control process that hangs must not delay its end. The second one refuses."""
 
 _LOOP = {
     "rate_hz": 500.0,
@@ -104,7 +108,8 @@ async def state(operator: TheOperator) -> Response:
 
 
 @router.post("/control/restart", responses=answers({"status": "ok"}))
-def restart(operator: TheOperator, body: RestartRequest | None = None) -> Response:
+async def restart(operator: TheOperator, body: RestartRequest | None = None) -> Response:
     """Start a fresh control process in a safe hold: paused, default command, e-stop kept."""
-    operator.restart(force=body is not None and body.force)
+    force = body is not None and body.force
+    await to_thread.run_sync(lambda: operator.restart(force=force), limiter=_restarting)
     return json_response({"status": "ok"})

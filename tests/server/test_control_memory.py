@@ -10,7 +10,9 @@ from concurrent.futures import ProcessPoolExecutor
 import pytest
 
 from control.timing import TICK_S
+from server import estop_lane
 from server.control_loop import ControlLoop
+from server.estop_lane import EstopLane
 from server.pacing import Pacer
 from server.setpoint import default_setpoint
 from sim.processes import shared_record
@@ -50,7 +52,8 @@ def growth() -> tuple[float, float]:
     setpoints = SharedRecord(shared_record.allocate(context, SETPOINT), SETPOINT)
     _, theirs = context.Pipe()
     pacer = Pacer(TICK_S, sleep=lambda _: None)
-    loop = ControlLoop(Session(), state, setpoints, theirs, pacer, paused=False, realtime=False)
+    estops = EstopLane(estop_lane.allocate(context))
+    loop = ControlLoop(Session(), state, setpoints, estops, theirs, pacer, paused=False, realtime=False)
     setpoint = default_setpoint()
 
     def run(ticks: int) -> None:
