@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from golden_pipeline import BOX, FREE, GOLDEN, MODEL_BASED, TICKS, replay
+
+from tests.golden.golden_pipeline import BOX, FREE, GOLDEN, MODEL_BASED, TICKS, replay
 
 DOUBLE, SINGLE = 1e-9, 1e-5
 """Allowed |difference| / (1 + |value|) where everything is computed in double precision, and where a network in single

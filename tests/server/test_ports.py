@@ -1,6 +1,5 @@
 """No door but the one: every port that the console's processes listen on, attacked without the secret."""
 
-import importlib.util
 import sys
 from collections.abc import Iterator
 
@@ -11,6 +10,7 @@ import websockets.sync.client
 from viser import __version__ as viser_version
 from websockets.exceptions import InvalidHandshake, InvalidMessage
 
+from sim.backends.unitree.dds import dds_unavailable_because
 from sim.emulator.process import EmulatorProcess
 from tests.console_process import ConsoleProcess
 from tests.dds_domain import dds_domain
@@ -21,7 +21,7 @@ pytestmark = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="lo
 TOKEN = "a-secret-of-the-operator"
 FOREIGN = "http://evil.example"
 SCENE_PROTOCOL = websockets.Subprotocol(f"viser-v{viser_version}")
-HARDWARE = importlib.util.find_spec("cyclonedds") is not None
+HARDWARE = dds_unavailable_because() is None
 PATHS = [
     "/",
     "/viser",
@@ -52,11 +52,9 @@ def console(request: pytest.FixtureRequest) -> Iterator[ConsoleProcess]:
     console.close()
 
 
-@pytest.fixture(scope="module", params=["simulation", "hardware"])
+@pytest.fixture(scope="module", params=["simulation", pytest.param("hardware", marks=pytest.mark.hardware)])
 def ports(request: pytest.FixtureRequest, console: ConsoleProcess) -> set[Port]:
     """Ports of web and control process, and with hardware of the I/O process too."""
-    if request.param == "hardware" and not HARDWARE:
-        pytest.skip("extra 'hardware' is not installed")
     api = f"http://127.0.0.1:{console.port}/api/v1"
     before = tree(console.process.pid)
     answer = httpx.put(f"{api}/backend", json={"name": request.param}, headers=bearer(TOKEN), timeout=60.0)

@@ -102,6 +102,7 @@ def test_held_out_plans_cover_every_cell_and_training_is_randomised() -> None:
         plan_rollouts(seed=0, count=2, links=LINKS, duration_s=1.0)
 
 
+@pytest.mark.slow
 def test_a_rollout_repeats_exactly_and_records_what_acts() -> None:
     plan = RolloutPlan(0, "train", seed=11, profile="hold", mass_scale=1.2, duration_s=1.4)
     first, second = record_rollout(plan), record_rollout(plan)
@@ -130,6 +131,7 @@ def test_a_rollout_that_falls_is_tried_again_and_reported(monkeypatch: pytest.Mo
     assert not recording.arrays and manifest_entry(recording, "")["rejected"] == ["fall"] * ATTEMPTS
 
 
+@pytest.mark.slow
 def test_collection_resumes_and_refuses_another_data_set(tmp_path: Path) -> None:
     manifest = collect(tmp_path, seed=1, rollouts=3, duration_s=0.3)
     assert manifest["counts"] == dict.fromkeys(SPLITS, 1)
@@ -155,6 +157,7 @@ def test_without_ray_the_cure_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
         map_unordered("abacus", abs, [-1], 1)
 
 
+@pytest.mark.slow
 def test_one_split_is_recorded_as_it_is_among_all(tmp_path: Path) -> None:
     whole = collect(tmp_path / "whole", seed=4, rollouts=3, duration_s=0.2)
     part = collect(tmp_path / "part", seed=4, rollouts=3, duration_s=0.2, splits=("validation",))

@@ -29,7 +29,7 @@ def test_paper_gains_have_the_paper_bandwidth() -> None:
 
 @pytest.mark.parametrize("gains", [PAPER_GAINS, FAST_GAINS])
 def test_step_response_is_the_second_order_transfer_function(gains: ObserverGains) -> None:
-    period = 5e-5 / gains.natural_frequency
+    period = 1e-3 / gains.natural_frequency
     observer = MomentumObserver(gains, period)
     time = np.arange(1, round(10 / gains.natural_frequency / period)) * period
     observer.step(np.zeros(1), np.zeros(1))

@@ -53,6 +53,7 @@ def data(tmp_path: Path) -> Path:
     return tmp_path
 
 
+@pytest.mark.slow
 def test_a_residual_network_halves_the_noise_around_a_force_that_stands_still(data: Path, tmp_path: Path) -> None:
     config = TrainingConfig(epochs=2, samples_per_epoch=3200, batch=32, dropout=0.0, learning_rate=4e-3)
     training = ResidualTraining(TARGETS["hybrid"], data, tmp_path / "run", config)

@@ -23,6 +23,7 @@ from sim.benchmarks.estimator_scores import lag_only_error
 from sim.benchmarks.estimator_trials import draw_plan
 from sim.trials.rollout_runner import RolloutRunner
 
+pytestmark = pytest.mark.slow
 NUMBER = {case.name: number for number, case in enumerate(CASES)}
 
 

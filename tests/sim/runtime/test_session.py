@@ -45,6 +45,7 @@ def test_the_pipeline_runs_from_a_recorded_sensor_log_alone() -> None:
         np.testing.assert_array_equal(output.hand.force_estimated_n, original.hand.force_estimated_n)
 
 
+@pytest.mark.slow
 def test_the_estimate_follows_an_applied_force_and_returns_to_zero(standing: Session) -> None:
     force = np.array([6.0, -4.0, 8.0])
     standing.add_wrench(force_n=force, duration_s=1.5, ramp_s=0.2)
@@ -70,6 +71,7 @@ def test_all_estimators_run_side_by_side_and_any_can_be_selected(standing: Sessi
         standing.select_estimator(names[0], k1=6.0)
 
 
+@pytest.mark.slow
 def test_the_adaptive_estimator_notices_a_mass_that_nobody_tells_it(standing: Session) -> None:
     standing.reset()
     standing.set_mismatch(1.2)
@@ -79,6 +81,7 @@ def test_the_adaptive_estimator_notices_a_mass_that_nobody_tells_it(standing: Se
     assert np.linalg.norm(standing.output.estimates["adaptive"].force_estimated_n) < 0.5 * fixed_model
 
 
+@pytest.mark.slow
 def test_the_estop_damps_and_outlives_a_reset(standing: Session) -> None:
     standing.estop()
     assert standing.mode is Mode.ESTOP

@@ -60,6 +60,7 @@ def test_nominal_posture_is_within_joint_limits_and_level(robot, standing):
     np.testing.assert_allclose(backend.truth().wheel_contact_positions[:, 2], 0.0, atol=2e-3)
 
 
+@pytest.mark.slow
 def test_reachable_arm_poses_do_not_touch_the_robot():
     """Permanent self-contact would push with forces that no estimator models; real collisions (head, trunk) are rare."""
     model = scenes.build("free").model
