@@ -13,11 +13,13 @@ from server import stream, viser_relay
 from server.access import AccessControl
 from server.build_info import build_info
 from server.control_client import ControlClient
+from server.credentials import Credentials
 from server.docs_page import docs_page
 from server.errors import InvalidFieldError, ServerError
 from server.operator import Operator
 from server.responses import json_response
 from server.routes import ROUTERS
+from server.security_headers import SecurityHeaders
 from server.validation import invalid_fields
 from web.viser_door import ViserDoor
 from web.viser_page import STATIC
@@ -25,13 +27,13 @@ from web.viser_page import STATIC
 HEARTBEAT_PERIOD_S = 0.05
 
 
-def create_app(operator: Operator, *, scene: ViserDoor, token: str | None = None) -> FastAPI:
+def create_app(operator: Operator, *, scene: ViserDoor, credentials: Credentials | None = None) -> FastAPI:
     """The application around one operator.
 
     Args:
         operator: acts on a control process that is already started.
         scene: the way to the 3-D scene's server.
-        token: required of every request, None for none.
+        credentials: what every request must prove itself by, None for nothing.
     """
     build = build_info()
     app = FastAPI(title="Forcelens", version=build.version, docs_url=None, redoc_url=None, lifespan=_lifespan)
@@ -48,7 +50,8 @@ def create_app(operator: Operator, *, scene: ViserDoor, token: str | None = None
     app.add_api_route("/", _page, include_in_schema=False)
     app.add_api_route("/docs", lambda: HTMLResponse(docs_page(app.openapi())), include_in_schema=False)
     app.mount("/static", StaticFiles(directory=STATIC), name="static")
-    app.add_middleware(AccessControl, token=token)
+    app.add_middleware(AccessControl, credentials=credentials)
+    app.add_middleware(SecurityHeaders)
     return app
 
 
