@@ -15,12 +15,14 @@ from server.access import AccessControl
 from server.body_limit import BodyLimit
 from server.build_info import build_info
 from server.control_client import ControlClient
+from server.credentials import Credentials
 from server.docs_page import docs_page
 from server.errors import InvalidFieldError, ServerError
 from server.event_channel import MAX_PENDING
 from server.operator import Operator
 from server.responses import json_response
 from server.routes import ROUTERS
+from server.security_headers import SecurityHeaders
 from server.validation import invalid_fields
 from web.viser_door import ViserDoor
 from web.viser_page import STATIC
@@ -30,13 +32,13 @@ SPARE_THREADS = 40
 """Beside those of calls that all wait for a control process that hangs."""
 
 
-def create_app(operator: Operator, *, scene: ViserDoor, token: str | None = None) -> FastAPI:
+def create_app(operator: Operator, *, scene: ViserDoor, credentials: Credentials | None = None) -> FastAPI:
     """The application around one operator.
 
     Args:
         operator: acts on a control process that is already started.
         scene: the way to the 3-D scene's server.
-        token: required of every request, None for none.
+        credentials: what every request must prove itself by, None for nothing.
     """
     build = build_info()
     app = FastAPI(title="Forcelens", version=build.version, docs_url=None, redoc_url=None, lifespan=_lifespan)
@@ -54,7 +56,8 @@ def create_app(operator: Operator, *, scene: ViserDoor, token: str | None = None
     app.add_api_route("/docs", lambda: HTMLResponse(docs_page(app.openapi())), include_in_schema=False)
     app.mount("/static", StaticFiles(directory=STATIC), name="static")
     app.add_middleware(BodyLimit)
-    app.add_middleware(AccessControl, token=token)
+    app.add_middleware(AccessControl, credentials=credentials)
+    app.add_middleware(SecurityHeaders)
     return app
 
 

@@ -6,13 +6,16 @@ import sys
 import threading
 import webbrowser
 from collections.abc import Callable
+from urllib.parse import quote
 
 import uvicorn
 from fastapi import FastAPI
 
 from server.app import create_app
 from server.config import ServerConfig
+from server.credentials import Credentials, token_bytes
 from server.operator import Operator
+from server.page_entry import SECRET
 from server.websocket_protocol import ShallowWebSocketProtocol
 from web.console import Console
 
@@ -30,9 +33,16 @@ def run_web_server(config: ServerConfig, listener: socket.socket, operator: Oper
     console = Console(operator, operator.client.live_snapshot)
     console.start()
     try:
-        app = create_app(operator, scene=console.door, token=config.token)
-        address = page_address(config, listener)
-        server = _Server(uvicorn_config(app), lambda: _open_page(config, address, announce))
+        credentials = None if config.token is None else Credentials(config.token)
+        app = create_app(operator, scene=console.door, credentials=credentials)
+        port: int = listener.getsockname()[1]
+
+        def on_started() -> None:
+            announce(page_address(config.host, port, config.token))
+            if config.open_browser:
+                _open_browser(page_address(config.host, port, None if credentials is None else credentials.issue_ticket()))
+
+        server = _Server(uvicorn_config(app), on_started)
         server.run(sockets=[listener])
     finally:
         console.stop()
@@ -53,12 +63,18 @@ def uvicorn_config(app: FastAPI) -> uvicorn.Config:
     )
 
 
-def page_address(config: ServerConfig, listener: socket.socket) -> str:
-    """Address of the page for a browser on this machine."""
-    host = {"0.0.0.0": "127.0.0.1", "::": "::1"}.get(config.host, config.host)
+def page_address(host: str, port: int, secret: str | None) -> str:
+    """Address of the page for a browser on this machine.
+
+    Args:
+        host: that is bound.
+        port: that is bound.
+        secret: token or ticket that the address shall carry.
+    """
+    host = {"0.0.0.0": "127.0.0.1", "::": "::1"}.get(host, host)
     host = f"[{host}]" if ":" in host else host
-    query = "" if config.token is None else f"?token={config.token}"
-    return f"http://{host}:{listener.getsockname()[1]}/{query}"
+    query = "" if secret is None else f"?{SECRET}={quote(token_bytes(secret), safe='')}"
+    return f"http://{host}:{port}/{query}"
 
 
 class _Server(uvicorn.Server):
@@ -71,8 +87,7 @@ class _Server(uvicorn.Server):
         self._on_started()
 
 
-def _open_page(config: ServerConfig, address: str, announce: Callable[[str], None]) -> None:
-    announce(address)
+def _open_browser(address: str) -> None:
     display = sys.platform in ("darwin", "win32") or any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY"))
-    if config.open_browser and display:
+    if display:
         threading.Thread(target=webbrowser.open, args=(address,), name="open-browser", daemon=True).start()

@@ -40,6 +40,12 @@ async def estop(operator: TheOperator) -> Response:
     return json_response({"latched": mode is Mode.ESTOP, "mode": mode.name.lower()})
 
 
+@router.post("/check", responses=answers({"may_stop": True}, refusable=False))
+async def check() -> Response:
+    """Whether this caller may press the e-stop: refused like it, and nothing changes. A page asks before it says "live"."""
+    return json_response({"may_stop": True})
+
+
 @router.post("/clear", responses=answers({"latched": False, "mode": "running"}))
 def clear(operator: TheOperator) -> Response:
     """Clear the e-stop; the robot stands up from where it is, with the default command."""

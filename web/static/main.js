@@ -1,8 +1,9 @@
 /** The page around the scene: follows the state, and sends what its buttons and keys ask for. */
 
-import { call, followState } from "./api.js";
+import { call } from "./api.js";
 import { hideBanner, showBanner } from "./banners.js";
 import { showEstop, stop } from "./estop.js";
+import { watchLink } from "./link.js";
 import { showForces } from "./readout.js";
 import { bindShortcuts, toggleHelp } from "./shortcuts.js";
 import { showLimits, showLink, showMode, showState } from "./status_bar.js";
@@ -66,9 +67,10 @@ function showFaults(state) {
   showLimits(state.mode === "running" ? words : []);
 }
 
-function onLink(link) {
+function onLink(link, reason) {
   showLink(link);
-  if (link === "lost") showBanner("link", "warn", "The server does not answer. The robot may still be moving. Trying again.");
+  if (link === "refused") showBanner("link", "stop", `This page cannot stop the robot: ${reason}`);
+  else if (link === "lost") showBanner("link", "warn", "The server does not answer. The robot may still be moving. Trying again.");
   else hideBanner("link");
 }
 
@@ -109,4 +111,4 @@ bindShortcuts([
   { keys: ["?"], label: "?", words: "This help", act: toggleHelp },
 ]);
 
-followState(RATE_HZ, onState, onLink);
+watchLink(RATE_HZ, onState, onLink);
