@@ -199,7 +199,7 @@ class ControlClient:
         return self.alive and self.snapshot_age_s() > STALLED_AFTER_S and not self.busy
 
     def write_setpoint(self, **fields: Any) -> None:
-        """Change fields of the set-point that the control process reads, and its heartbeat."""
+        """Change fields of the set-point that the control process reads; also, and without any, a sign of life."""
         with self._setpoint_lock:
             record = self._setpoint[0]
             for name, value in fields.items():
@@ -207,9 +207,10 @@ class ControlClient:
             record["heartbeat_s"] = time.monotonic()
             self._setpoints.write(self._setpoint)
 
-    def heartbeat(self) -> None:
-        """Tell the control process that the operator's side lives."""
-        self.write_setpoint()
+    def unheard_s(self) -> float:
+        """Time for which this side has given no sign of life."""
+        with self._setpoint_lock:
+            return time.monotonic() - float(self._setpoint[0]["heartbeat_s"])
 
     def _required(self) -> EventChannel:
         if self._channel is None:
