@@ -14,7 +14,6 @@ from server import stream, viser_relay
 from server.access import AccessControl
 from server.body_limit import BodyLimit
 from server.build_info import build_info
-from server.control_client import ControlClient
 from server.credentials import Credentials
 from server.docs_page import docs_page
 from server.errors import InvalidFieldError, ServerError
@@ -68,17 +67,17 @@ def _page() -> Response:
 @asynccontextmanager
 async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
     to_thread.current_default_thread_limiter().total_tokens = MAX_PENDING + SPARE_THREADS
-    heart = asyncio.create_task(_beat(app.state.operator.client))
+    heart = asyncio.create_task(_beat(app.state.operator))
     try:
         yield
     finally:
         heart.cancel()
 
 
-async def _beat(client: ControlClient) -> None:
+async def _beat(operator: Operator) -> None:
     """Proof to the control process that this event loop, which an e-stop needs, still turns."""
     while True:
-        client.heartbeat()
+        operator.heartbeat()
         await asyncio.sleep(HEARTBEAT_PERIOD_S)
 
 

@@ -25,6 +25,7 @@ START_TIMEOUT_S = 60.0
 CALL_TIMEOUT_S = 5.0
 SLOW_CALL_TIMEOUT_S = 30.0
 CLOSE_PATIENCE_S = 2.0
+STALLED_AFTER_S = 1.0
 READ_ATTEMPTS = 10
 """Of a snapshot, on the event loop: a process that was stopped half-way through writing one leaves it unreadable."""
 
@@ -173,8 +174,8 @@ class ControlClient:
         return None if self._last is None else self._last[0]
 
     def live_snapshot(self) -> np.void | None:
-        """The newest SNAPSHOT record, None while no control process runs."""
-        return self.snapshot() if self.alive else None
+        """The newest SNAPSHOT record, None while no control process runs, or while it hangs."""
+        return self.snapshot() if self.alive and not self.stalled else None
 
     def require_snapshot(self) -> np.void:
         """The newest SNAPSHOT record.
@@ -190,10 +191,15 @@ class ControlClient:
     def snapshot_age_s(self) -> float:
         """Time since the newest snapshot, infinite before the first."""
         snapshot = self.snapshot()
-        return float("inf") if snapshot is None else time.time() - float(snapshot["wall_time_s"])
+        return float("inf") if snapshot is None else time.monotonic() - float(snapshot["published_s"])
+
+    @property
+    def stalled(self) -> bool:
+        """Whether the control process lives but hangs: it publishes nothing although nothing that takes long was asked."""
+        return self.alive and self.snapshot_age_s() > STALLED_AFTER_S and not self.busy
 
     def write_setpoint(self, **fields: Any) -> None:
-        """Change fields of the set-point that the control process reads, and its heartbeat."""
+        """Change fields of the set-point that the control process reads; also, and without any, a sign of life."""
         with self._setpoint_lock:
             record = self._setpoint[0]
             for name, value in fields.items():
@@ -201,9 +207,10 @@ class ControlClient:
             record["heartbeat_s"] = time.monotonic()
             self._setpoints.write(self._setpoint)
 
-    def heartbeat(self) -> None:
-        """Tell the control process that the operator's side lives."""
-        self.write_setpoint()
+    def unheard_s(self) -> float:
+        """Time for which this side has given no sign of life."""
+        with self._setpoint_lock:
+            return time.monotonic() - float(self._setpoint[0]["heartbeat_s"])
 
     def _required(self) -> EventChannel:
         if self._channel is None:

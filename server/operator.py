@@ -4,6 +4,7 @@ Every method may be called from any thread. A refusal is a RuntimeError or Value
 """
 
 import contextlib
+import logging
 import threading
 import time
 from collections.abc import Iterator, Mapping
@@ -26,6 +27,8 @@ from sim.backends.hardware.config import HardwareConfig
 from sim.backends.hardware.states import ACTIVE
 from sim.backends.hardware.status import HardwareStatus
 from sim.runtime.snapshot import COMMAND, Mode, command_to_record, on_hardware
+
+_log = logging.getLogger(__name__)
 
 Choices = dict[str, Any]
 
@@ -71,6 +74,24 @@ class Operator:
         """Lists `controllers`, `estimators`, `scenes`, `keyframes` and `backends` (with the reason why not)."""
         return self._client.wait_ready()
 
+    def heartbeat(self) -> None:
+        """Tell the control process that the operator's side lives; call it often."""
+        self._notice_absence()
+        self._client.write_setpoint()
+
+    def _notice_absence(self) -> None:
+        """What has stopped because this process was held up, base and drag, stays stopped until somebody asks again."""
+        with self._lock:
+            absent_s = self._client.unheard_s()
+            if absent_s <= self._launch.session.pipeline.safety.setpoint_timeout_s:
+                return
+            if self._command.base_velocity.any():
+                _log.warning("the web process was held up for %.1f s; the base stays stopped until it is asked again", absent_s)
+                self._command = replace(self._command, base_velocity=np.zeros(3))
+                self._sequence += 1
+                self._send()
+            self._client.write_setpoint(drag_active=False)
+
     def command(self) -> tuple[Command, int]:
         """The command as asked, within limits, and its sequence number."""
         with self._lock:
@@ -84,6 +105,7 @@ class Operator:
             RefusedError: the e-stop is latched.
             ControlDeadError: no control process runs.
         """
+        self._notice_absence()
         patch = validated(CommandPatch, {name: _plain(value) for name, value in fields.items()})
         self._client.require_alive()
         if self._latched():
@@ -108,6 +130,7 @@ class Operator:
         """
         if target_in_world is not None and self.robot.choice.hardware is not None:
             raise RefusedError("the ball pulls a simulated hand only; pull the robot's own")
+        self._notice_absence()
         if target_in_world is None:
             self._client.write_setpoint(drag_active=False)
             return

@@ -9,9 +9,8 @@ from fastapi import APIRouter, Response
 from server.dependencies import TheBuild, TheOperator
 from server.responses import answers, json_response
 from server.schemas import RestartRequest
+from server.silence import silence_of
 from server.state import loop_json, state_json
-
-STALLED_AFTER_S = 1.0
 
 router = APIRouter(prefix="/api/v1", tags=["system"])
 
@@ -42,6 +41,7 @@ _STATE = {
     "time_s": 12.34,
     "wall_time_s": 1735689600.0,
     "sequence": 1234,
+    "stale_s": 0.0,
     "mode": "running",
     "faults": [],
     "backend": "simulation",
@@ -84,7 +84,7 @@ async def health(operator: TheOperator, build: TheBuild) -> Response:
     elif client.busy:
         status = "busy"
     else:
-        status = "ok" if client.snapshot_age_s() < STALLED_AFTER_S else "stalled"
+        status = "stalled" if client.stalled else "ok"
     body: dict[str, Any] = {
         "status": status,
         "version": build.version,
@@ -100,11 +100,14 @@ async def health(operator: TheOperator, build: TheBuild) -> Response:
 
 @router.get("/state", responses=answers(_STATE))
 async def state(operator: TheOperator) -> Response:
-    """One consistent snapshot. Of a dead control process it is the last one, with mode `fault`."""
+    """One consistent snapshot. Of a control process that is dead or hangs it is the last one, with mode `fault`.
+
+    `stale_s` tells for how long nothing newer has come, s; 0 while all is well.
+    """
     snapshot = operator.client.snapshot()
     if snapshot is None:
         return json_response({"detail": "no snapshot yet; the control process is starting, or died doing so"}, 503)
-    return json_response(state_json(snapshot, alive=operator.client.alive))
+    return json_response(state_json(snapshot, silence=silence_of(operator.client)))
 
 
 @router.post("/control/restart", responses=answers({"status": "ok"}))

@@ -53,6 +53,7 @@ class Session:
         self._error_power = np.full(len(self.pipeline.estimator_names), np.nan)
         self._command = DEFAULT_COMMAND
         self._command_sequence = 0
+        self._unheard_sequence = -1
         self._output: PipelineOutput | None = None
         self._truth: GroundTruth | None = None
         self._drag_target: np.ndarray | None = None
@@ -92,13 +93,20 @@ class Session:
         return self._output
 
     def tick_setpoint(self, setpoint: np.void, age_s: float) -> None:
-        """`tick` from a SETPOINT record, with the drag spring while its operator is alive."""
+        """`tick` from a SETPOINT record, with the drag spring while its operator is alive.
+
+        A base velocity whose operator has fallen silent does not act again when he is heard again, only when he asks anew.
+        """
         dragging = bool(setpoint["drag_active"]) and age_s < DRAG_HEARTBEAT_S
         self._set_drag(setpoint["drag_target_in_world"].copy() if dragging else None)
-        command = command_from_record(setpoint["command"])
+        command, sequence = command_from_record(setpoint["command"]), int(setpoint["sequence"])
+        if age_s > self.pipeline.config.safety.setpoint_timeout_s:
+            self._unheard_sequence = sequence
+        if sequence == self._unheard_sequence:
+            command = replace(command, base_velocity=np.zeros(3))
         self.tick(command, age_s)
         self._command = command
-        self._command_sequence = int(setpoint["sequence"])
+        self._command_sequence = sequence
 
     def _set_drag(self, target_in_world: np.ndarray | None) -> None:
         if target_in_world is not None or self._drag_target is not None:

@@ -3,7 +3,8 @@
 import socket
 
 import pytest
-from conftest import RunningServer
+
+from tests.server.running_server import RunningServer
 
 ODD = [b"http://[", b"[", b"\xff\xfe", b"http://\xe2\x84\xa8", b'"', b"a=b;;=", b"%", b"://", b"\t", b"viser-v\xff"]
 NAMES = [b"Host", b"Origin", b"Cookie", b"Authorization", b"Accept", b"Content-Type", b"Sec-WebSocket-Protocol"]

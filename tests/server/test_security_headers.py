@@ -1,7 +1,8 @@
 """Every answer, refusals too, keeps pages of others out."""
 
 import pytest
-from conftest import RunningServer
+
+from tests.server.running_server import RunningServer
 
 
 @pytest.mark.parametrize(

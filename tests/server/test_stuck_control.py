@@ -1,5 +1,6 @@
 """A control process that is stopped: nothing that waits for it delays health, e-stop and restart, however much is sent."""
 
+import json
 import os
 import signal
 from collections.abc import Iterator
@@ -7,6 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import httpx
 import pytest
+from websockets.sync.client import connect
 
 from server.body_limit import MAX_BODY_BYTES
 from server.errors import ControlTimeoutError
@@ -58,6 +60,27 @@ def test_the_estop_acts_as_soon_as_the_process_goes_on(stuck: RunningServer) -> 
             pass
         os.kill(pid, signal.SIGCONT)
         assert asking.result(PATIENCE_S).json() == {"latched": True, "mode": "estop"}
+
+
+def test_a_process_that_hangs_is_said_to_since_when_and_no_more_when_it_goes_on(server: RunningServer) -> None:
+    pid = server.operator.client.pid
+    assert pid is not None
+    os.kill(pid, signal.SIGSTOP)
+    try:
+        stale = server.wait_for(lambda state: state["mode"] != "running")
+        assert (stale["mode"], stale["faults"][-1]) == ("fault", "CONTROL_PROCESS_SILENT")
+        assert stale["stale_s"] >= 1.0
+        assert stale["loop"]["rate_hz"] == 0.0
+        server.wait_for(lambda state: state["stale_s"] > stale["stale_s"])
+        assert server.http.get("/api/v1/health").json()["status"] == "stalled"
+        assert server.operator.client.live_snapshot() is None
+        with connect(server.socket_url("/api/v1/stream?fields=stale_s")) as stream:
+            streamed = [json.loads(stream.recv(10.0)) for _ in range(2)]
+        assert streamed[0]["faults"][-1] == "CONTROL_PROCESS_SILENT"
+        assert streamed[1]["stale_s"] > streamed[0]["stale_s"]
+    finally:
+        os.kill(pid, signal.SIGCONT)
+    server.wait_for(lambda state: state["mode"] == "running" and state["stale_s"] == 0.0)
 
 
 @pytest.mark.parametrize("announced", [True, False], ids=["announced", "chunked"])

@@ -1,6 +1,6 @@
 /** The facts of the status bar, as the control process reports them. */
 
-const MODE_WORDS = { running: "Running", guidance: "Guidance", paused: "Paused", estop: "E-stop", fault: "Fault", stopped: "Stopped",
+const MODE_WORDS = { running: "Running", guidance: "Guidance", paused: "Paused", estop: "E-stop", fault: "Fault", stopped: "Stopped", silent: "No answer",
   disconnected: "No robot", observe: "Observing", damped: "Damped", standing_up: "Standing up", ready: "Ready", sitting: "Sitting down" };
 const LINK_WORDS = { live: "live", connecting: "connecting", lost: "lost, retrying", refused: "not permitted" };
 

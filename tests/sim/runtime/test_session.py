@@ -129,6 +129,26 @@ def test_a_drag_pulls_while_its_operator_is_alive(standing: Session) -> None:
     np.testing.assert_allclose(snapshot["force_true_n"], 0.0, atol=1e-9)
 
 
+def test_a_base_that_stopped_for_want_of_its_operator_goes_on_only_when_asked_again(standing: Session) -> None:
+    setpoint = np.zeros(1, SETPOINT)[0]
+    command_to_record(replace(DEFAULT_COMMAND, base_velocity=np.array([0.3, 0.0, 0.0])), setpoint["command"])
+    setpoint["sequence"] = 4
+
+    def speed_after(ticks: int, age_s: float) -> float:
+        for _ in range(ticks):
+            standing.tick_setpoint(setpoint, age_s)
+        return float(standing.output.applied_command.base_velocity[0])
+
+    assert speed_after(SECOND, 0.0) > 0.25
+    assert speed_after(SECOND, 2.0) == pytest.approx(0.0, abs=1e-3)
+    assert speed_after(SECOND, 0.0) == pytest.approx(0.0, abs=1e-3)
+    snapshot = np.zeros(1, SNAPSHOT)[0]
+    standing.fill(snapshot)
+    assert not snapshot["command"]["base_velocity"].any()
+    setpoint["sequence"] += 1
+    assert speed_after(SECOND, 0.0) > 0.25
+
+
 def test_a_snapshot_is_complete(standing: Session) -> None:
     snapshot = np.zeros(1, SNAPSHOT)[0]
     standing.track_errors(CONTROL_PERIOD_S)
