@@ -46,7 +46,7 @@ def main() -> None:
     from server.errors import ServerError
     from server.runner import PortInUseError, serve
     from sim.backends.hardware.config import HardwareConfig
-    from sim.runtime.session import SessionConfig
+    from sim.runtime.simulation import SimulationConfig
 
     try:
         config = ServerConfig(
@@ -54,7 +54,7 @@ def main() -> None:
             port=arguments.port,
             token=arguments.token or None,
             open_browser=not arguments.no_browser,
-            session=SessionConfig(
+            session=SimulationConfig(
                 scene=arguments.scene,
                 seed=arguments.seed,
                 pipeline=PipelineConfig(controller=arguments.controller, estimator=arguments.estimator),

@@ -21,7 +21,7 @@ from control.robot_model import RobotModel
 from control.types import Command
 from control.whole_body.controller import Controller, ControllerInput
 from sim.backends.simulation.wrenches import Pulse
-from sim.runtime.session import Session, SessionConfig
+from sim.runtime.simulation import Simulation, SimulationConfig
 from sim.scenes.box import CENTER_X_M, TOP_HEIGHT_M
 from sim.trials.control_trials import SETTLE_S, SWITCH_S, RandomSegments, Trial
 
@@ -80,7 +80,7 @@ class ControllerTrial(Trial):
         # Networks that feed nothing would only take time.
         estimators = EstimatorsConfig() if setup.estimator in LEARNED_NAMES else EstimatorsConfig(weights=None)
         config = PipelineConfig(controller="model_based", estimator=setup.estimator, estimators=estimators, policies=None)
-        self.session = Session(SessionConfig(scene=scene, seed=seed, pipeline=config))
+        self.session = Simulation(SimulationConfig(scene=scene, seed=seed, pipeline=config))
         pipeline = self.session.pipeline
         if setup.gains is not None:
             pipeline.select_estimator(setup.estimator, setup.gains)

@@ -11,7 +11,7 @@ from fake_session import FakeSession, failing_session
 from server.control_client import MAX_PENDING, ControlClient
 from server.control_process import ControlLaunch
 from server.errors import ControlDeadError, ControlTimeoutError, InvalidFieldError, MissingError, RefusedError, ServerError
-from sim.runtime.session import SessionConfig
+from sim.runtime.simulation import SimulationConfig
 from sim.runtime.snapshot import Mode
 
 
@@ -33,7 +33,7 @@ def answers(client: ControlClient) -> bool:
 
 @pytest.fixture(scope="module")
 def client() -> Iterator[ControlClient]:
-    client = ControlClient(ControlLaunch(make_session=FakeSession))  # pyright: ignore[reportArgumentType]
+    client = ControlClient(ControlLaunch(make_session=FakeSession))
     client.start()
     client.wait_ready()
     yield client
@@ -97,7 +97,7 @@ def test_kill_is_noticed_fails_open_calls_and_a_fresh_process_starts_in_a_hold(c
     with pytest.raises(ControlDeadError, match="restart"):
         client.call("estop")
 
-    client.restart(session=SessionConfig(scene="box"), estopped=True, paused=True)
+    client.restart(session=SimulationConfig(scene="box"), estopped=True, paused=True)
     eventually(lambda: client.require_snapshot()["scene"] == b"box")
     assert client.alive
     assert int(client.require_snapshot()["sequence"]) > last
@@ -106,7 +106,7 @@ def test_kill_is_noticed_fails_open_calls_and_a_fresh_process_starts_in_a_hold(c
 
 
 def test_a_session_that_cannot_start_says_why() -> None:
-    client = ControlClient(ControlLaunch(make_session=failing_session))  # pyright: ignore[reportArgumentType]
+    client = ControlClient(ControlLaunch(make_session=failing_session))
     client.start()
     with pytest.raises(ControlDeadError, match="switch it on"):
         client.wait_ready()
