@@ -47,7 +47,7 @@ def main() -> None:
     from server.errors import ServerError
     from server.runner import PortInUseError, serve
     from sim.backends.hardware.config import HardwareConfig
-    from sim.runtime.session import SessionConfig
+    from sim.runtime.simulation import SimulationConfig
 
     try:
         config = ServerConfig(
@@ -55,7 +55,7 @@ def main() -> None:
             port=arguments.port,
             token=_token(arguments),
             open_browser=not arguments.no_browser,
-            session=SessionConfig(
+            session=SimulationConfig(
                 scene=arguments.scene,
                 seed=arguments.seed,
                 pipeline=PipelineConfig(controller=arguments.controller, estimator=arguments.estimator),

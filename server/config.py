@@ -6,7 +6,7 @@ from pathlib import Path
 
 from server.access import LOOPBACK_NAMES
 from sim.backends.hardware.config import HardwareConfig
-from sim.runtime.session import SessionConfig
+from sim.runtime.simulation import SimulationConfig
 
 
 class ConfigError(ValueError):
@@ -33,7 +33,7 @@ class ServerConfig:
     port: int = 8080
     token: str | None = None
     open_browser: bool = True
-    session: SessionConfig = field(default_factory=SessionConfig)
+    session: SimulationConfig = field(default_factory=SimulationConfig)
     hardware: HardwareConfig = field(default_factory=HardwareConfig)
 
     def __post_init__(self) -> None:

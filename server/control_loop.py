@@ -19,9 +19,10 @@ from server.messages import Close, Event, Outcome, Reply
 from server.pacing import Pacer
 from server.session_events import SLOW_EVENTS, EventError, SessionEvents
 from server.setpoint import default_setpoint
-from sim.backends.protocol import BackendError
+from sim.backends.protocol import Backend, BackendError
 from sim.processes.shared_record import SharedRecord
 from sim.runtime.session import Session
+from sim.runtime.simulation import Simulation
 from sim.runtime.snapshot import SNAPSHOT, Mode
 
 SPEED_RANGE = (0.1, 4.0)
@@ -52,7 +53,7 @@ class ControlLoop:
 
     def __init__(
         self,
-        session: Session,
+        session: Session[Backend],
         state: SharedRecord,
         setpoints: SharedRecord,
         estops: EstopLane,
@@ -252,7 +253,7 @@ class ControlLoop:
             raise EventError(Outcome.REFUSED, "the e-stop was pressed again meanwhile; POST /api/v1/estop/clear once more")
 
     def _require_simulation(self, what: str) -> None:
-        if not self._session.backend.capabilities.is_simulation:
+        if not isinstance(self._session, Simulation):
             raise EventError(Outcome.REFUSED, f"{what}: simulation only; a robot cannot be held still or sped up by its clock")
 
     def _set_run(self, state: str | None, speed: float | None) -> dict[str, Any]:

@@ -18,10 +18,11 @@ from server.estop_lane import EstopLane
 from server.messages import Fatal, Ready
 from server.pacing import Pacer
 from server.session_events import describe
-from sim.backends.protocol import BackendError
+from sim.backends.protocol import Backend, BackendError
 from sim.processes.realtime import request_realtime
 from sim.processes.shared_record import SharedRecord
-from sim.runtime.session import Session, SessionConfig
+from sim.runtime.session import Session
+from sim.runtime.simulation import Simulation, SimulationConfig
 from sim.runtime.snapshot import SETPOINT, SNAPSHOT
 
 FIFO_PRIORITY = 20
@@ -34,14 +35,14 @@ class ControlLaunch:
     """What a control process is started with; picklable.
 
     Attributes:
-        session: how to make the session.
-        make_session: makes it, in the control process.
+        session: how to make the simulation; a robot's session takes its pipeline.
+        make_session: makes the one or the other, in the control process.
         paused: start in a hold.
         estopped: start with the e-stop latched, because it was when the process before this one died.
     """
 
-    session: SessionConfig = field(default_factory=SessionConfig)
-    make_session: Callable[[SessionConfig], Session] = Session
+    session: SimulationConfig = field(default_factory=SimulationConfig)
+    make_session: Callable[[SimulationConfig], Session[Backend]] = Simulation
     paused: bool = False
     estopped: bool = False
 

@@ -71,7 +71,7 @@ class Operator:
         return self._client
 
     def available(self) -> Choices:
-        """Lists `controllers`, `estimators`, `scenes`, `keyframes` and `backends` (with the reason why not)."""
+        """Lists `controllers`, `estimators`, `scenes`, `keyframes` (both empty on a robot), `backends` (and why not)."""
         return self._client.wait_ready()
 
     def heartbeat(self) -> None:
@@ -301,7 +301,8 @@ class Operator:
 
     def _require_choice(self, kind: str, name: str) -> None:
         choices = self.available()[kind]
-        if name not in choices:
+        # What is not offered at all, the session refuses with what to do.
+        if choices and name not in choices:
             raise InvalidFieldError(
                 "name" if kind != "keyframes" else "keyframe", f"{name!r} does not exist", ", ".join(choices)
             )

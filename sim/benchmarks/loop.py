@@ -23,7 +23,7 @@ from control.timing import SLOT_COUNT, TICK_S
 from sim import scenes
 from sim.benchmarks.report import Report, argument_parser, at_least, at_most
 from sim.benchmarks.server_process import ServerProcess, watch
-from sim.runtime.session import Session, SessionConfig
+from sim.runtime.simulation import Simulation, SimulationConfig
 from sim.runtime.snapshot import SNAPSHOT
 
 ESTIMATOR = "hybrid"
@@ -60,7 +60,7 @@ def durations_us(call: Callable[[], object], count: int) -> np.ndarray:
 
 def headless(report: Report, ticks: int) -> np.ndarray:
     """Ticks of a session alone on one core; returns their durations, us."""
-    session = Session(SessionConfig(seed=report.seed, pipeline=PipelineConfig(estimator=ESTIMATOR)))
+    session = Simulation(SimulationConfig(seed=report.seed, pipeline=PipelineConfig(estimator=ESTIMATOR)))
     for _ in range(WARM_UP_TICKS):
         session.tick(DEFAULT_COMMAND)
     started = time.perf_counter()
@@ -81,7 +81,7 @@ def headless(report: Report, ticks: int) -> np.ndarray:
     return durations
 
 
-def bare_physics(session: Session) -> Callable[[], None]:
+def bare_physics(session: Simulation) -> Callable[[], None]:
     """mj_step of the same scene with the drives of the MJCF holding the nominal posture."""
     model = scenes.build(session.backend.scene).model
     data = mujoco.MjData(model)
@@ -95,7 +95,7 @@ def bare_physics(session: Session) -> Callable[[], None]:
     return lambda: mujoco.mj_step(model, data)
 
 
-def bare_terms(session: Session) -> Callable[[], None]:
+def bare_terms(session: Simulation) -> Callable[[], None]:
     """Update of the Pinocchio model at the session's posture."""
     model = RobotModel()
     sensor, base = session.backend.read(), session.output.base

@@ -13,7 +13,7 @@ from server.control_client import ControlClient
 from server.control_process import ControlLaunch
 from server.errors import ControlDeadError, ControlTimeoutError, InvalidFieldError, MissingError, RefusedError, ServerError
 from server.event_channel import MAX_PENDING
-from sim.runtime.session import SessionConfig
+from sim.runtime.simulation import SimulationConfig
 from sim.runtime.snapshot import Mode
 from tests.server.fake_session import FakeSession, failing_session
 
@@ -36,7 +36,7 @@ def answers(client: ControlClient) -> bool:
 
 @pytest.fixture(scope="module")
 def client() -> Iterator[ControlClient]:
-    client = ControlClient(ControlLaunch(make_session=FakeSession))  # pyright: ignore[reportArgumentType]
+    client = ControlClient(ControlLaunch(make_session=FakeSession))
     client.start()
     client.wait_ready()
     yield client
@@ -135,7 +135,7 @@ def test_kill_is_noticed_fails_open_calls_and_a_fresh_process_starts_in_a_hold(c
     with pytest.raises(ControlDeadError, match="restart"):
         client.call("list_wrenches")
 
-    client.restart(session=SessionConfig(scene="box"), estopped=True, paused=True)
+    client.restart(session=SimulationConfig(scene="box"), estopped=True, paused=True)
     eventually(lambda: client.require_snapshot()["scene"] == b"box")
     assert client.alive
     assert int(client.require_snapshot()["sequence"]) > last
@@ -156,7 +156,7 @@ def test_an_estop_that_finds_no_process_is_latched_by_the_next(client: ControlCl
 
 
 def test_a_session_that_cannot_start_says_why() -> None:
-    client = ControlClient(ControlLaunch(make_session=failing_session))  # pyright: ignore[reportArgumentType]
+    client = ControlClient(ControlLaunch(make_session=failing_session))
     client.start()
     with pytest.raises(ControlDeadError, match="switch it on"):
         client.wait_ready()

@@ -35,7 +35,7 @@ class Bench:
         self.pipe, theirs = CONTEXT.Pipe()
         self.theirs: Connection = theirs
         self.loop = ControlLoop(
-            self.session,  # pyright: ignore[reportArgumentType]
+            self.session,
             self.state,
             self.setpoints,
             self.estops,

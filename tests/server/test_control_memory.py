@@ -17,7 +17,7 @@ from server.pacing import Pacer
 from server.setpoint import default_setpoint
 from sim.processes import shared_record
 from sim.processes.shared_record import SharedRecord
-from sim.runtime.session import Session
+from sim.runtime.simulation import Simulation
 from sim.runtime.snapshot import SETPOINT, SNAPSHOT
 
 WARM_UP_TICKS = 2000
@@ -53,7 +53,7 @@ def growth() -> tuple[float, float]:
     _, theirs = context.Pipe()
     pacer = Pacer(TICK_S, sleep=lambda _: None)
     estops = EstopLane(estop_lane.allocate(context))
-    loop = ControlLoop(Session(), state, setpoints, estops, theirs, pacer, paused=False, realtime=False)
+    loop = ControlLoop(Simulation(), state, setpoints, estops, theirs, pacer, paused=False, realtime=False)
     setpoint = default_setpoint()
 
     def run(ticks: int) -> None:
@@ -68,7 +68,8 @@ def growth() -> tuple[float, float]:
     run(WARM_UP_TICKS)
     before = allocated()
     run(TICKS)
-    return tuple((now - then) / TICKS for now, then in zip(allocated(), before, strict=True))
+    after = allocated()
+    return (after[0] - before[0]) / TICKS, (after[1] - before[1]) / TICKS
 
 
 @pytest.mark.skipif(not _HAS_MALLINFO, reason="needs glibc's account of its memory")

@@ -13,7 +13,7 @@ from control.joints import JOINT_COUNT, JOINT_NAMES, NOMINAL_POSITION
 from control.robot_model import GRAVITY_MPS2
 from control.types import JointCommand, SensorFrame
 from sim import scenes
-from sim.backends.protocol import BackendError, Capabilities, GroundTruth
+from sim.backends.protocol import BackendError, GroundTruth
 from sim.backends.simulation.applied_wrenches import AppliedWrenches
 from sim.backends.simulation.drag_spring import drag_spring
 from sim.backends.simulation.ground_truth import GroundTruthReader
@@ -28,7 +28,7 @@ KEYFRAMES = {"stand": NOMINAL_POSITION}
 class MujocoBackend:
     """One robot in one scene. `read` and `write` as in sim.backends.protocol; the rest is for simulation only."""
 
-    capabilities = Capabilities(name="simulation", has_truth=True, is_simulation=True)
+    name = "simulation"
 
     def __init__(self, scene: str | SceneModel = "free", sensors: SensorConfig | None = None, seed: int = 0) -> None:
         """`scene` of sim.scenes.SCENE_NAMES, or one's own; `seed` draws the errors of the sensors, by default SensorConfig().
@@ -40,7 +40,7 @@ class MujocoBackend:
         self._seed = seed
         self._mismatch = Mismatch()
         self._opened = False
-        self._load(scenes.build(scene) if isinstance(scene, str) else scene)
+        self.set_scene(scene)
 
     def open(self) -> None:
         """Put the robot on its wheels."""
@@ -133,13 +133,13 @@ class MujocoBackend:
         """Names of the scene's movable bodies, in the order of GroundTruth.object_positions."""
         return self._scene.movable_bodies
 
-    def set_scene(self, name: str) -> None:
-        """Load another scene and put the robot on its wheels there; the mismatch stays.
+    def set_scene(self, scene: str | SceneModel) -> None:
+        """Load another scene, by name or one's own, and put the robot on its wheels there; the mismatch stays.
 
         Raises:
             ValueError: no scene has this name; nothing changes.
         """
-        self._load(scenes.build(name))
+        self._load(scenes.build(scene) if isinstance(scene, str) else scene)
 
     @property
     def mismatch(self) -> Mismatch:

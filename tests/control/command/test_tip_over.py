@@ -16,7 +16,7 @@ from control.robot_model import GRAVITY_MPS2, RobotModel
 from control.safety import Fault
 from control.types import Command
 from sim.backends.simulation.wrenches import Spring
-from sim.runtime.session import Session, SessionConfig
+from sim.runtime.simulation import Simulation, SimulationConfig
 
 UPSETTING_N = np.array([-30.0, 30.0, 30.0])
 """Environment on hand: pushes the robot back, to the left and up."""
@@ -96,7 +96,7 @@ def test_a_robot_beyond_its_edge_bears_what_brings_it_back_alone():
 @pytest.mark.parametrize(("margin_m", "falls"), [(CommandLimits().tip_over_margin_m, False), (-1.0, True)])
 def test_a_force_that_would_tip_the_robot_is_reduced(margin_m: float, falls: bool):
     limits = replace(CommandLimits(), tip_over_margin_m=margin_m)
-    session = Session(SessionConfig(seed=2, pipeline=PipelineConfig(controller="model_based", limits=limits)))
+    session = Simulation(SimulationConfig(seed=2, pipeline=PipelineConfig(controller="model_based", limits=limits)))
     for _ in range(400):
         session.tick(DEFAULT_COMMAND)
     anchor = DEFAULT_COMMAND.position_m + UPSETTING_N / 300.0
@@ -112,7 +112,7 @@ def test_a_force_that_would_tip_the_robot_is_reduced(margin_m: float, falls: boo
 
 
 def test_what_is_limited_is_told_while_the_command_acts_and_no_longer():
-    session = Session(SessionConfig(seed=2, pipeline=PipelineConfig(controller="model_based")))
+    session = Simulation(SimulationConfig(seed=2, pipeline=PipelineConfig(controller="model_based")))
     command = replace(DEFAULT_COMMAND, mask=np.ones(3), force_n=40.0 * np.sign(UPSETTING_N))
 
     def faults(asked: Command, ticks: int) -> Fault:

@@ -31,7 +31,7 @@ from control.whole_body.reference_correction import NO_CORRECTION, ReferenceCorr
 from control.whole_body.stance import Stance, StanceConfig
 from control.whole_body.wheels import WheelConfig, WheelControl
 from sim.backends.simulation.wrenches import Spring
-from sim.runtime.session import Session
+from sim.runtime.simulation import Simulation
 
 LATERAL = np.array([0.18, -0.18, 0.18, -0.18])
 EVEN = LegTargets(NOMINAL_POSITION[LEG_SLICE], np.zeros(4), 1.0)
@@ -141,7 +141,7 @@ def test_before_contact_a_force_axis_approaches_instead_of_pushing(model):
 
 @pytest.mark.slow
 def test_in_closed_loop_a_force_that_meets_nothing_leaves_the_hand_at_the_border_of_the_workspace():
-    session = Session()
+    session = Simulation()
     run(session, replace(DEFAULT_COMMAND, mask=np.array([0.0, 1.0, 0.0]), force_n=np.array([0.0, -20.0, 0.0])), 3.0)
     hand = true_hand_in_heading(session)
     assert hand[1] == pytest.approx(CommandLimits().position_y_m[1], abs=0.03)
@@ -319,7 +319,6 @@ def run(session, command, seconds):
 
 def true_state(session):
     truth = session.truth()
-    assert truth is not None
     return truth
 
 
@@ -330,7 +329,7 @@ def true_hand_in_heading(session):
 
 @pytest.mark.slow
 def test_in_closed_loop_the_hand_settles_and_a_spring_is_pressed_with_the_commanded_force():
-    session = Session()
+    session = Simulation()
     target = replace(DEFAULT_COMMAND, position_m=np.array([0.5, 0.12, 0.5]))
     run(session, target, 2.0)
     assert np.linalg.norm(true_hand_in_heading(session) - target.position_m) < 0.015
@@ -346,7 +345,7 @@ def test_in_closed_loop_the_hand_settles_and_a_spring_is_pressed_with_the_comman
 
 @pytest.mark.slow
 def test_in_closed_loop_the_robot_drives_and_turns_and_stops():
-    session = Session()
+    session = Simulation()
     run(session, replace(DEFAULT_COMMAND, base_velocity=np.array([0.4, 0.0, 0.3])), 2.5)
     truth = true_state(session)
     forward = truth.base_linear_velocity @ truth.rotation_heading_to_world[:, 0]
@@ -359,7 +358,7 @@ def test_in_closed_loop_the_robot_drives_and_turns_and_stops():
 
 @pytest.mark.slow
 def test_in_closed_loop_the_robot_stands_up_again_after_the_e_stop():
-    session = Session()
+    session = Simulation()
     run(session, DEFAULT_COMMAND, 0.4)
     session.estop()
     run(session, DEFAULT_COMMAND, 0.7)
