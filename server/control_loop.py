@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from control.pipeline import TICK_S
+from control.timing import CONTROL_PERIOD_S, TICK_S, Job, due
 from server.messages import Close, Event, Outcome, Reply
 from server.pacing import Pacer
 from server.session_events import SLOW_EVENTS, EventError, SessionEvents
@@ -20,13 +20,6 @@ from sim.backends.protocol import BackendError
 from sim.processes.shared_record import SharedRecord
 from sim.runtime.session import Session
 from sim.runtime.snapshot import SNAPSHOT, Mode
-
-PUBLISH_EVERY = 5
-"""Ticks between snapshots (100 Hz, the fastest stream); a change that someone waits for is published at once."""
-
-TRACK_EVERY = 10
-"""Ticks between updates of the live errors. They share the truth of a snapshot, and neither falls on the ticks after a
-multiple of ten, in which the pipeline runs its controller."""
 
 SPEED_RANGE = (0.1, 4.0)
 MAX_STEPS = 5000
@@ -103,7 +96,8 @@ class ControlLoop:
             self._tick()
         else:
             self._idle += 1
-        if self._urgent_publish or (self._idle or self._ticks) % PUBLISH_EVERY == 0:
+        # A snapshot that someone waits for does not wait for its slot.
+        if self._urgent_publish or due(Job.SNAPSHOT, (self._idle or self._ticks) - 1):
             self._publish()
         for event, outcome, value in self._answers:
             if outcome is Outcome.DONE and event.name in _ESTOP_EVENTS:
@@ -124,8 +118,8 @@ class ControlLoop:
             return
         self._idle = 0
         self._ticks = round(self._session.time_s / TICK_S)
-        if self._ticks % TRACK_EVERY == PUBLISH_EVERY:
-            self._session.track_errors(TRACK_EVERY * TICK_S)
+        if due(Job.LIVE_ERRORS, self._ticks - 1):
+            self._session.track_errors(CONTROL_PERIOD_S)
         if self._steps_left > 0:
             self._steps_left -= 1
             if self._steps_left == 0:

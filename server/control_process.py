@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from multiprocessing.connection import Connection
 from typing import Any
 
-from control.pipeline import TICK_S
+from control.timing import TICK_S
 from server.control_loop import ControlLoop
 from server.messages import Fatal, Ready
 from server.pacing import Pacer

@@ -10,7 +10,8 @@ import numpy as np
 
 from control.command.limits import DEFAULT_COMMAND
 from control.frames import rotation_z
-from control.pipeline import TICK_S, Pipeline, PipelineConfig, PipelineOutput
+from control.pipeline import Pipeline, PipelineConfig, PipelineOutput
+from control.timing import TICK_S
 from control.types import Command
 from sim.backends.protocol import GroundTruth
 from sim.backends.simulation.mujoco_backend import MujocoBackend

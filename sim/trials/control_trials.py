@@ -11,8 +11,9 @@ import numpy as np
 from control.command.limits import DEFAULT_COMMAND
 from control.frames import quaternion_from_rotation
 from control.joints import ARM_SLICE, NOMINAL_BASE_HEIGHT_M, NOMINAL_POSITION
-from control.pipeline import CONTROL_DECIMATION, TICK_S, PipelineConfig
+from control.pipeline import PipelineConfig
 from control.robot_model import RobotModel
+from control.timing import SLOT_COUNT, TICK_S
 from control.types import Command
 from sim.backends.protocol import GroundTruth
 from sim.backends.simulation.wrenches import BodyState
@@ -164,7 +165,7 @@ class Trial:
         """Tick under a command; yields the elapsed time, s, every controller period."""
         for tick in range(1, round(seconds / TICK_S) + 1):
             self.session.tick(command)
-            if tick % CONTROL_DECIMATION == 0:
+            if tick % SLOT_COUNT == 0:
                 yield tick * TICK_S
 
 

@@ -18,6 +18,7 @@ from control.pipeline import PipelineConfig
 from control.policy.policy_controller import make_policy
 from control.policy.policy_weights import available_policies
 from control.robot_model import RobotModel
+from control.timing import CONTROL_PERIOD_S
 from control.types import Command
 from control.whole_body.controller import Controller, ControllerInput
 from sim.backends.simulation.wrenches import Pulse
@@ -235,12 +236,12 @@ def drag_box(setup: TrialSetup, seed: int) -> DragResult:
     for _ in trial.run(pressing, PRESS_S):
         pass
     errors, places, contact = [], [], []
-    for step in range(round(DRAG_PERIODS / DRAG_HZ / 0.02)):
-        lateral = lateral_force(0.02 * step)
+    for step in range(round(DRAG_PERIODS / DRAG_HZ / CONTROL_PERIOD_S)):
+        lateral = lateral_force(CONTROL_PERIOD_S * step)
         command = replace(pressing, mask=np.array([0.0, 1.0, 1.0]), force_n=np.array([0.0, lateral, PRESS_N]))
-        for _ in trial.run(command, 0.02):
+        for _ in trial.run(command, CONTROL_PERIOD_S):
             pass
-        if step * 0.02 < 0.5:
+        if step * CONTROL_PERIOD_S < 0.5:
             continue
         truth = trial.truth
         errors.append(truth.force_true_n[1:] - command.force_n[1:])

@@ -11,7 +11,8 @@ import pytest
 from fake_session import FakeSession
 
 from control.command.limits import DEFAULT_COMMAND
-from server.control_loop import PUBLISH_EVERY, ControlLoop
+from control.timing import CONTROL_PERIOD_S, SLOT_COUNT, TICK_S, Job, slots
+from server.control_loop import ControlLoop
 from server.messages import Close, Event, Outcome, Reply
 from server.pacing import Pacer
 from sim.processes import shared_record
@@ -35,7 +36,7 @@ class Bench:
             self.state,
             self.setpoints,
             theirs,
-            Pacer(0.002, lambda: 0.0, lambda _: None),
+            Pacer(TICK_S, lambda: 0.0, lambda _: None),
             paused=paused,
             realtime=False,
         )
@@ -84,9 +85,9 @@ def test_a_hold_makes_the_one_tick_that_gives_it_something_to_show(paused: Bench
 
 def test_running_publishes_at_a_fixed_fraction_of_the_ticks(bench: Bench) -> None:
     before = int(bench.snapshot["sequence"])
-    bench.turn(10 * PUBLISH_EVERY)
-    assert int(bench.snapshot["sequence"]) - before == 10
-    assert bench.session.ticks == 1 + 10 * PUBLISH_EVERY
+    bench.turn(10 * SLOT_COUNT)
+    assert int(bench.snapshot["sequence"]) - before == 10 * len(slots(Job.SNAPSHOT))
+    assert bench.session.ticks == 1 + 10 * SLOT_COUNT
 
 
 def test_pause_stops_time_and_run_goes_on(bench: Bench) -> None:
@@ -215,7 +216,7 @@ def test_snapshot_numbers_go_on_after_a_restart(bench: Bench) -> None:
 def test_live_errors_are_tracked_at_50_hz(bench: Bench) -> None:
     bench.session.calls.clear()
     bench.turn(100)
-    assert [call for call in bench.session.calls if call[0] == "track_errors"] == [("track_errors", 0.02)] * 10
+    assert [call for call in bench.session.calls if call[0] == "track_errors"] == [("track_errors", CONTROL_PERIOD_S)] * 10
 
 
 def close_politely(bench: Bench) -> None:

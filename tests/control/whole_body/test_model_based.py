@@ -21,9 +21,10 @@ from control.joints import (
     WHEEL_SLICE,
 )
 from control.robot_model import GRAVITY_MPS2, RobotModel
+from control.timing import CONTROL_PERIOD_S, TICK_S
 from control.types import BaseState, SensorFrame
 from control.whole_body.arm import ArmConfig, ArmControl
-from control.whole_body.controller import CONTROL_PERIOD_S, ControllerInput
+from control.whole_body.controller import ControllerInput
 from control.whole_body.legs import LegConfig, LegControl, LegTargets
 from control.whole_body.model_based import ModelBasedController
 from control.whole_body.reference_correction import NO_CORRECTION, ReferenceCorrection
@@ -311,7 +312,7 @@ def test_targets_are_a_fresh_array_and_repeat_after_reset(model):
 
 
 def run(session, command, seconds):
-    for _ in range(round(seconds / 0.002)):
+    for _ in range(round(seconds / TICK_S)):
         session.tick(command)
 
 

@@ -8,6 +8,7 @@ import pytest
 from control.command.limits import DEFAULT_COMMAND
 from control.pipeline import Pipeline, PipelineConfig
 from control.safety import Fault
+from control.timing import CONTROL_PERIOD_S
 from control.types import Command, SensorFrame
 from sim.runtime.session import Session, SessionConfig, SessionError
 from sim.runtime.snapshot import SETPOINT, SNAPSHOT, Mode, command_from_record, command_to_record
@@ -127,7 +128,7 @@ def test_a_drag_pulls_while_its_operator_is_alive(standing: Session) -> None:
 
 def test_a_snapshot_is_complete(standing: Session) -> None:
     snapshot = np.zeros(1, SNAPSHOT)[0]
-    standing.track_errors(0.02)
+    standing.track_errors(CONTROL_PERIOD_S)
     standing.fill(snapshot)
     for name in ("base_position", "joint_position", "end_effector_position", "force_true_n", "wheel_force_true_n"):
         assert np.isfinite(snapshot[name]).all(), name
