@@ -106,20 +106,28 @@ MODEL_BASED = Take(
     pulses={420: Pulse(PUSH, 0.7, ramp_s=0.2), 800: Pulse(SHOVE, 0.2, point_m=(0.02, 0.0, 0.01), ramp_s=0.03)},
 )
 BOX = Take(
-    1500,
+    1100,
     "policy",
     "hybrid",
     {
         0: press(0.0),
         450: press(15.0),
         800: press(20.0, 8.0),
-        1000: lambda pipeline: pipeline.select_controller("policy_paper"),
-        1150: lambda pipeline: pipeline.select_estimator("tcn"),
-        1300: DEFAULT_COMMAND,
+        1000: DEFAULT_COMMAND,
     },
     scene="box",
 )
-TAKES = (FREE, MODEL_BASED, BOX)
+PAPER = Take(
+    400,
+    "policy",
+    "tcn",
+    {
+        100: lambda pipeline: pipeline.select_controller("policy_paper"),
+        150: ask(mask=(0.0, 0.0, 1.0), force_n=(0.0, 0.0, 10.0), base_velocity=(0.2, 0.0, 0.0)),
+    },
+    pulses={160: Pulse(PUSH, 0.4, ramp_s=0.1)},
+)
+TAKES = (FREE, MODEL_BASED, BOX, PAPER)
 TICKS = sum(take.ticks for take in TAKES)
 
 _FIELDS = {
