@@ -1,13 +1,13 @@
 """Origin, host and token rules, on the middleware alone."""
 
 import pytest
-from asgi_request import HOST, ask, guarded, send
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from server.access import same_origin
 from server.config import ConfigError, ServerConfig
 from server.credentials import Credentials
+from tests.server.asgi_request import HOST, ask, guarded, send
 
 PAGE = f"http://{HOST}"
 TOKEN = "correct horse; battery"

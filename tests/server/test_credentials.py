@@ -6,7 +6,6 @@ import time
 from urllib.parse import urlsplit
 
 import pytest
-from asgi_request import HOST, Answer, ask, guarded, send
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
@@ -14,6 +13,7 @@ import server.credentials
 from server.access import AccessControl
 from server.credentials import Credentials, token_bytes
 from server.web_server import page_address
+from tests.server.asgi_request import HOST, Answer, ask, guarded, send
 
 TOKEN = "ab+cd/ef=="
 tokens = st.text(st.characters(exclude_characters="\0"), min_size=8, max_size=40).filter(lambda text: max(text) < "\ud800")

@@ -4,11 +4,11 @@ import asyncio
 import time
 
 import pytest
-from asgi_request import HOST, guarded
 from starlette.types import Message
 
 import server.access
 from server.failed_tries import FIRST_S, FORGET_S, LONGEST_S, FailedTries
+from tests.server.asgi_request import HOST, guarded
 
 TOKEN = "correct horse"
 WRONG = "wrong horses"

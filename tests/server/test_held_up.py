@@ -6,7 +6,8 @@ from collections.abc import Iterator
 
 import httpx
 import pytest
-from test_command_line import start
+
+from tests.server.test_command_line import start
 
 PATIENCE_S = 60.0
 

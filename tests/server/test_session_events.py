@@ -1,10 +1,10 @@
 """A session is offered the events of its kind; another kind's are refused with what to do."""
 
 import pytest
-from fake_session import FakeRobotSession, FakeSession
 
 from server.messages import Outcome
 from server.session_events import EventError, SessionEvents, describe
+from tests.server.fake_session import FakeRobotSession, FakeSession
 
 SIMULATION_ONLY = ("reset", "set_scene", "set_mismatch", "add_wrench", "list_wrenches", "remove_wrench")
 
