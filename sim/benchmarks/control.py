@@ -11,18 +11,12 @@ from pathlib import Path
 
 import numpy as np
 
+from control.frames import AXES
 from control.pipeline import PipelineConfig
 from sim.benchmarks.report import Report, Row, argument_parser, at_least, at_most
 from sim.trials.control_trials import Tracking, Trial, random_run
 from sim.trials.guidance_trials import LeadResult, lead, rest_drift
-
-AXES = ("x", "y", "z")
-
-
-def rms(values: np.ndarray) -> float:
-    """Root mean square over everything that is not NaN; NaN when nothing is left."""
-    kept = values[np.isfinite(values)]
-    return float(np.sqrt(np.mean(kept**2))) if kept.size else float("nan")
+from sim.trials.policy_score import rms
 
 
 def add_random_commands(report: Report, tracking: Tracking, estimator: str) -> None:
