@@ -10,6 +10,9 @@ Frames:
 
 import numpy as np
 
+AXES = ("x", "y", "z")
+"""Names of a frame's axes, in the order of every vector."""
+
 
 def rotation_from_quaternion(wxyz: np.ndarray) -> np.ndarray:
     """Rotation matrix (3, 3) of a unit quaternion (4,) wxyz."""

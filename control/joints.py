@@ -21,6 +21,8 @@ ARM_SLICE = slice(16, 22)
 
 WHEEL_RADIUS_M = 0.086
 WHEEL_HALF_WIDTH_M = 0.02
+WHEEL_FRICTION = 0.8
+"""Coulomb coefficient of a wheel on the floor (assets/robot/PROVENANCE.md); equals the geoms of assets/robot/robot.xml."""
 
 END_EFFECTOR_FRAME = "end_effector"
 WHEEL_CENTER_FRAMES = tuple(f"{leg}_wheel_center" for leg in LEGS)

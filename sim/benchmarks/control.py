@@ -11,7 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from sim.benchmarks.policy import AXES, LEVELS_N, case_rows
+from control.frames import AXES
+from sim.benchmarks.policy import LEVELS_N, case_rows
 from sim.benchmarks.report import Report, argument_parser, at_least, at_most
 from sim.trials.guidance_trials import LeadResult, lead, rest_drift
 from sim.trials.random_commands import Errors, random_commands, rms, settled_position_cm

@@ -19,6 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from control.estimation.momentum_observer import PAPER_GAINS
+from control.frames import AXES
 from control.paths import WEIGHTS_DIRECTORY
 from control.whole_body.controller import ControllerInput
 from sim.benchmarks import policy_guidance
@@ -29,7 +30,6 @@ from sim.trials.guidance_trials import LeadResult
 from sim.trials.random_commands import Errors, random_commands, rms, settled_position_cm
 from sim.trials.trial import Trial, TrialSetup, controller_setups
 
-AXES = ("x", "y", "z")
 ANY_MASK = "any"
 LEVELS_N = (10.0, 20.0)
 STRONG_N = 30.0

@@ -5,6 +5,7 @@ import numpy as np
 from control.joints import ARM_SLICE, JOINT_COUNT, LEG_SLICE, NOMINAL_POSITION, TORQUE_LIMIT
 from control.timing import TICK_S
 from control.types import JointCommand, SensorFrame
+from sim.backends.hardware.io.motions import ARM_FOLDED, CROUCH_LEGS
 from sim.backends.simulation.mujoco_backend import MujocoBackend
 from sim.backends.simulation.sensors import SensorConfig
 
@@ -14,9 +15,7 @@ COOLING_TIME_S = 120.0
 """First-order motor temperature: full torque heats by HEATING_C_PER_S, everything cools towards AMBIENT_C."""
 
 CROUCH = NOMINAL_POSITION.copy()
-CROUCH[LEG_SLICE] = [0.0, 1.3, -2.6] * 4
-ARM_FOLDED = np.array([0.0, 0.1, -0.1, -0.07, 0.0, 0.0])
-CROUCH[ARM_SLICE] = ARM_FOLDED
+CROUCH[LEG_SLICE], CROUCH[ARM_SLICE] = CROUCH_LEGS, ARM_FOLDED
 CROUCH.setflags(write=False)
 """Lying on the wheels with folded legs and arm, (22,) rad: how the robot is switched on."""
 

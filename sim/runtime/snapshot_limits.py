@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from control.pipeline import Pipeline
 from control.policy.policy_controller import PolicyController
-from sim.runtime.snapshot import MAX_ESTIMATORS, MAX_OBJECTS, MAX_OBSERVATION, NAME_BYTES
+from sim.runtime.snapshot import MAX_OBJECTS, MAX_OBSERVATION, NAME_BYTES
 
 
 class SnapshotLimitError(ValueError):
@@ -26,11 +26,10 @@ def check_name(kind: str, name: str) -> None:
 def check_pipeline(pipeline: Pipeline) -> None:
     """
     Raises:
-        SnapshotLimitError: a name or an observation is too long, or there are more than MAX_ESTIMATORS estimators.
+        SnapshotLimitError: a name or an observation is too long. (The number of estimators is limited by control.timing.)
     """
     for name in pipeline.estimator_names:
         check_name("estimator", name)
-    _check_count("estimators", pipeline.estimator_names, MAX_ESTIMATORS, "MAX_ESTIMATORS")
     for name, controller in pipeline.controllers.items():
         check_name("controller", name)
         if isinstance(controller, PolicyController):
@@ -46,9 +45,6 @@ def check_scene(name: str, movable_bodies: Sequence[str]) -> None:
         SnapshotLimitError: a scene's name is too long, or more than MAX_OBJECTS of its bodies move.
     """
     check_name("scene", name)
-    _check_count(f"movable bodies in scene {name!r}", movable_bodies, MAX_OBJECTS, "MAX_OBJECTS")
-
-
-def _check_count(kind: str, names: Sequence[str], limit: int, constant: str) -> None:
-    if len(names) > limit:
-        raise SnapshotLimitError(f"there are {len(names)} {kind}, {', '.join(names)}", str(limit), constant)
+    if len(movable_bodies) > MAX_OBJECTS:
+        what = f"there are {len(movable_bodies)} movable bodies in scene {name!r}, {', '.join(movable_bodies)}"
+        raise SnapshotLimitError(what, str(MAX_OBJECTS), "MAX_OBJECTS")

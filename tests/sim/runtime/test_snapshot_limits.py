@@ -9,6 +9,7 @@ import pytest
 import control.pipeline
 from control.estimation.registry import EstimatorsConfig, make_estimators
 from control.pipeline import PipelineConfig
+from control.timing import Job, TimetableError, slots
 from control.whole_body.model_based import ModelBasedController
 from sim import scenes
 from sim.runtime.simulation import Simulation, SimulationConfig
@@ -53,15 +54,17 @@ def test_the_longest_name_survives_a_record_and_a_longer_one_is_refused() -> Non
             check_name("scene", name)
 
 
-def test_as_many_estimators_as_fit_are_all_shown(monkeypatch: pytest.MonkeyPatch) -> None:
-    register_estimators(monkeypatch, LONGEST, *(f"estimator_{index}" for index in range(MAX_ESTIMATORS - 4)))
-    names = Simulation(LIGHT).pipeline.estimator_names
-    assert len(names) == MAX_ESTIMATORS
+def test_as_many_estimators_as_have_slots_are_all_shown(monkeypatch: pytest.MonkeyPatch) -> None:
+    most = len(slots(Job.SHOWN_ESTIMATE)) + 1
+    assert most <= MAX_ESTIMATORS
+    register_estimators(monkeypatch, LONGEST, *(f"estimator_{index}" for index in range(most - 4)))
+    assert len(Simulation(LIGHT).pipeline.estimator_names) == most
 
 
 def test_one_more_estimator_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    register_estimators(monkeypatch, *(f"estimator_{index}" for index in range(MAX_ESTIMATORS - 2)))
-    with pytest.raises(SnapshotLimitError, match=r"9 estimators, gmo_pi, .*estimator_5; a snapshot holds 8 \(MAX_ESTIMATORS"):
+    most = len(slots(Job.SHOWN_ESTIMATE)) + 1
+    register_estimators(monkeypatch, *(f"estimator_{index}" for index in range(most - 2)))
+    with pytest.raises(TimetableError, match=rf"slots for {most} estimators, not for gmo_pi, .*leave some out"):
         Simulation(LIGHT)
 
 

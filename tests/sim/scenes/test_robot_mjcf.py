@@ -16,6 +16,7 @@ from control.joints import (
     STIFFNESS,
     TORQUE_LIMIT,
     WHEEL_CENTER_FRAMES,
+    WHEEL_FRICTION,
     WHEEL_HALF_WIDTH_M,
     WHEEL_JOINT_NAMES,
     WHEEL_RADIUS_M,
@@ -50,6 +51,7 @@ def test_wheels_are_ellipsoids_of_the_stated_size_and_alone_set_the_ground_frict
         np.testing.assert_array_equal(geom.size, [WHEEL_RADIUS_M, WHEEL_HALF_WIDTH_M, WHEEL_RADIUS_M])
         np.testing.assert_array_equal(geom.pos, robot.site(frame).pos)
         assert geom.priority[0] == 1
+        assert geom.friction[0] == WHEEL_FRICTION
 
 
 def test_nominal_posture_is_within_joint_limits_and_level(robot, standing):
