@@ -6,8 +6,8 @@ from pydantic import ConfigDict, Field, model_validator
 from pydantic_core import PydanticCustomError
 
 from control.command.limits import CommandLimits
-from server.control_loop import MAX_STEPS, SPEED_RANGE
 from server.fields import Mask, Number, RequestModel, Vector
+from server.run_control import MAX_STEPS, SPEED_RANGE
 from sim.backends.simulation.mismatch import MASS_SCALE_RANGE
 
 LIMITS = CommandLimits()
