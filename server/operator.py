@@ -210,9 +210,18 @@ class Operator:
         return self._client.call("run", state=state, speed=speed)
 
     def step(self, ticks: int) -> dict[str, Any]:
-        """Advance a paused simulation; answers `{time_s}` when done."""
+        """Advance a paused simulation, at its own pace whatever the speed; answers `{time_s}` when done.
+
+        Raises:
+            RefusedError: it runs, or something came between: pause, e-stop, reset.
+            ControlTimeoutError: the machine is too slow for so many; what is left of them is not made.
+        """
         request = validated(StepRequest, {"ticks": _plain(ticks)})
-        return self._client.call("step", SLOW_CALL_TIMEOUT_S, **request)
+        try:
+            return self._client.call("step", SLOW_CALL_TIMEOUT_S, **request)
+        except ControlTimeoutError:
+            self._client.submit("run", state="paused", speed=None)
+            raise
 
     def reset(self, seed: int | None = None, keyframe: str = "stand") -> None:
         """Put the simulated robot back, and the command to its default."""

@@ -7,8 +7,8 @@ from pydantic_core import PydanticCustomError
 
 from control.command.limits import CommandLimits
 from control.timing import TICK_S
-from server.control_loop import MAX_STEPS, SPEED_RANGE
 from server.fields import Mask, Number, RequestModel, Vector
+from server.run_control import MAX_STEPS, SPEED_RANGE
 from sim.backends.simulation.mismatch import MASS_SCALE_RANGE
 
 LIMITS = CommandLimits()

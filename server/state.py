@@ -17,6 +17,10 @@ from server.silence import NO_SILENCE, Silence
 from sim.backends.hardware.states import DriveState, Trip, describe
 from sim.runtime.snapshot import Mode, on_hardware
 
+LOOP_OVERRUNS = "LOOP_OVERRUNS"
+OVERRUN_SHARE_LIMIT = 0.05
+"""More missed deadlines than this, and the loop does not keep its rate."""
+
 Json = dict[str, Any]
 
 
@@ -29,8 +33,10 @@ def _number(value: Any) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
-def _faults(record: np.void) -> list[str]:
-    return [fault.name for fault in Fault(int(record["faults"])) if fault.name is not None]
+def faults(record: np.void) -> list[str]:
+    """Names of what is wrong: what the safety gate reports, and whether the loop keeps its rate."""
+    names = [fault.name for fault in Fault(int(record["faults"])) if fault.name is not None]
+    return names if record["overrun_share"] < OVERRUN_SHARE_LIMIT else [*names, LOOP_OVERRUNS]
 
 
 def command_fields(record: np.void) -> Json:
@@ -121,6 +127,7 @@ def loop_json(record: np.void) -> Json:
         "rate_hz": float(record["loop_rate_hz"]),
         "real_time_factor": float(record["real_time_factor"]),
         "overruns": int(record["overruns"]),
+        "overrun_share": float(record["overrun_share"]),
         "lateness_p99_ms": float(record["lateness_p99_ms"]),
         "tick_median_us": float(record["tick_median_us"]),
         "rebases": int(record["rebases"]),
@@ -141,7 +148,7 @@ SECTIONS: dict[str, Callable[[np.void], Any]] = {
     "sequence": lambda record: int(record["sequence"]),
     "stale_s": lambda _: 0.0,
     "mode": lambda record: Mode(int(record["mode"])).name.lower(),
-    "faults": _faults,
+    "faults": faults,
     "backend": lambda record: record["backend"].decode(),
     "drive": _drive,
     "scene": lambda record: record["scene"].decode(),

@@ -10,7 +10,7 @@ from server.dependencies import TheBuild, TheOperator
 from server.responses import answers, json_response
 from server.schemas import RestartRequest
 from server.silence import silence_of
-from server.state import loop_json, state_json
+from server.state import faults, loop_json, state_json
 
 router = APIRouter(prefix="/api/v1", tags=["system"])
 
@@ -21,6 +21,7 @@ _LOOP = {
     "rate_hz": 500.0,
     "real_time_factor": 1.0,
     "overruns": 0,
+    "overrun_share": 0.0,
     "lateness_p99_ms": 0.1,
     "tick_median_us": 400.0,
     "rebases": 0,
@@ -28,7 +29,15 @@ _LOOP = {
     "realtime_scheduling": True,
     "speed": 1.0,
 }
-_HEALTH = {"status": "ok", "version": "0.1.0", "commit": "52b0cd8", "backend": "simulation", "uptime_s": 12.3, "loop": _LOOP}
+_HEALTH = {
+    "status": "ok",
+    "version": "0.1.0",
+    "commit": "52b0cd8",
+    "backend": "simulation",
+    "uptime_s": 12.3,
+    "faults": [],
+    "loop": _LOOP,
+}
 _COMMAND = {
     "mask": [0, 0, 1],
     "force_n": [0.0, 0.0, 20.0],
@@ -91,6 +100,7 @@ async def health(operator: TheOperator, build: TheBuild) -> Response:
         "commit": build.commit,
         "backend": None if snapshot is None else snapshot["backend"].decode(),
         "uptime_s": round(time.monotonic() - operator.started_s, 3),
+        "faults": [] if snapshot is None else faults(snapshot),
         "loop": None if snapshot is None else loop_json(snapshot),
     }
     if client.death is not None:

@@ -1,6 +1,7 @@
 """Sessions without a robot, for tests of the loop and of the processes around it."""
 
 import os
+import time
 from types import SimpleNamespace
 from typing import Any
 
@@ -18,7 +19,7 @@ from sim.runtime.snapshot import Mode, command_from_record
 class FakeSession(Simulation):
     """A simulation that does nothing but count.
 
-    Ticks add 2 ms; scene "broken" makes the next tick fail; controller "suicide" ends the process.
+    Ticks add 2 ms. Scene "broken" makes them fail, "slow" makes them late; controller "suicide" ends the process.
     """
 
     def __init__(self, config: SimulationConfig | None = None) -> None:
@@ -41,6 +42,8 @@ class FakeSession(Simulation):
     def tick_setpoint(self, setpoint: np.void, age_s: float) -> None:
         if self.scene == "broken":
             raise BackendError("the simulation diverged; reset it")
+        if self.scene == "slow":
+            time.sleep(0.004)
         self.ticks += 1
         self.time_s += TICK_S
         self.ages_s = [*self.ages_s[-9:], age_s]

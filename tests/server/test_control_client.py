@@ -13,6 +13,7 @@ from server.control_client import ControlClient
 from server.control_process import ControlLaunch
 from server.errors import ControlDeadError, ControlTimeoutError, InvalidFieldError, MissingError, RefusedError, ServerError
 from server.event_channel import MAX_PENDING
+from server.state import faults
 from sim.runtime.simulation import SimulationConfig
 from sim.runtime.snapshot import Mode
 from tests.server.fake_session import FakeSession, failing_session
@@ -153,6 +154,15 @@ def test_an_estop_that_finds_no_process_is_latched_by_the_next(client: ControlCl
     assert client.require_snapshot()["mode"] == Mode.ESTOP
     client.restart()
     eventually(lambda: client.require_snapshot()["mode"] != Mode.ESTOP)
+
+
+def test_a_loop_that_cannot_keep_its_rate_says_so(client: ControlClient) -> None:
+    client.call("run", 20.0, state="running", speed=None)
+    client.call("set_scene", 20.0, name="slow")
+    eventually(lambda: client.require_snapshot()["overrun_share"] > 0.9)
+    assert "LOOP_OVERRUNS" in faults(client.require_snapshot())
+    assert client.require_snapshot()["mode"] == Mode.RUNNING
+    client.call("set_scene", 20.0, name="free")
 
 
 def test_a_session_that_cannot_start_says_why() -> None:

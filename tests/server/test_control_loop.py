@@ -34,13 +34,14 @@ class Bench:
         self.estops = EstopLane(estop_lane.allocate(CONTEXT))
         self.pipe, theirs = CONTEXT.Pipe()
         self.theirs: Connection = theirs
+        self.pacer = Pacer(TICK_S, lambda: 0.0, lambda _: None)
         self.loop = ControlLoop(
             self.session,
             self.state,
             self.setpoints,
             self.estops,
             theirs,
-            Pacer(TICK_S, lambda: 0.0, lambda _: None),
+            self.pacer,
             paused=paused,
             realtime=False,
         )
@@ -133,14 +134,50 @@ def test_a_second_step_is_refused_while_one_is_under_way(paused: Bench) -> None:
     assert reply.outcome is Outcome.REFUSED
 
 
-def test_running_ends_a_step(paused: Bench) -> None:
+@pytest.mark.parametrize(
+    ("event", "arguments", "said"),
+    [
+        ("run", {"state": "running", "speed": None}, "set running"),
+        ("run", {"state": "paused", "speed": None}, "set paused"),
+        ("reset", {}, "reset"),
+        ("set_scene", {"name": "box"}, "set_scene"),
+    ],
+)
+def test_what_comes_between_ends_a_step(paused: Bench, event: str, arguments: dict[str, Any], said: str) -> None:
     paused.send("step", event_id=5, ticks=100)
     paused.turn()
-    paused.send("run", event_id=6, state="running", speed=None)
+    paused.send(event, event_id=6, **arguments)
     paused.turn()
     replies = {reply.id: reply for reply in (paused.reply(), paused.reply())}
-    assert replies[5].outcome is Outcome.REFUSED
+    assert replies[5].outcome is Outcome.REFUSED and said in replies[5].value
     assert replies[6].outcome is Outcome.DONE
+    assert paused.ask("run", state="paused", speed=None).outcome is Outcome.DONE
+    ticks = paused.session.ticks
+    paused.turn(10)
+    assert paused.session.ticks == ticks
+    assert paused.ask("step", ticks=1).outcome is Outcome.DONE
+
+
+def test_the_estop_ends_a_step(paused: Bench) -> None:
+    paused.send("step", ticks=100)
+    paused.turn()
+    ticks = paused.session.ticks
+    paused.estops.ask()
+    paused.turn(10)
+    reply = paused.reply()
+    assert reply.outcome is Outcome.REFUSED and "e-stop" in reply.value
+    assert paused.session.ticks == ticks
+
+
+def test_steps_are_made_at_the_robots_own_pace_whatever_the_speed(paused: Bench) -> None:
+    assert paused.ask("run", state="paused", speed=0.1).value == {"state": "paused", "speed": 0.1}
+    paused.send("step", ticks=3)
+    paused.turn()
+    assert paused.pacer.period_s == 0.002
+    paused.turn(2)
+    assert paused.reply().outcome is Outcome.DONE
+    paused.ask("run", state="running", speed=None)
+    assert paused.pacer.period_s == 0.02
 
 
 def clear_estop(bench: Bench) -> Reply:

@@ -3,7 +3,7 @@
 import pytest
 
 from control.timing import TICK_S
-from server.pacing import STATISTICS_EVERY, Pacer
+from server.pacing import LATENESS_WINDOW, STATISTICS_EVERY, Pacer
 
 
 class Clock:
@@ -61,6 +61,15 @@ def test_a_missed_deadline_is_one_overrun_and_the_schedule_stays(pacer: Pacer, c
     assert clock.now_s == pytest.approx(start + 4 * TICK_S)
     assert pacer.statistics().overruns == 1
     assert pacer.statistics().rebases == 0
+
+
+def test_the_share_of_overruns_is_that_of_the_window(pacer: Pacer, clock: Clock) -> None:
+    for _ in range(STATISTICS_EVERY // 10):
+        run_ticks(pacer, clock, 1, 0.0025)
+        run_ticks(pacer, clock, 9, 0.0005)
+    assert pacer.statistics().overrun_share == pytest.approx(0.1)
+    run_ticks(pacer, clock, LATENESS_WINDOW, 0.0005)
+    assert pacer.statistics().overrun_share == 0.0
 
 
 def test_falling_far_behind_drops_the_lost_time_and_says_so(pacer: Pacer, clock: Clock) -> None:

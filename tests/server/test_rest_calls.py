@@ -2,6 +2,7 @@
 
 import json
 import math
+from concurrent.futures import ThreadPoolExecutor
 
 import httpx
 import pytest
@@ -87,6 +88,20 @@ def test_pause_step_and_run(server: RunningServer) -> None:
     assert running == {"state": "running", "speed": 0.5}
     assert server.state()["loop"]["speed"] == 0.5
     assert strict(server.http.post("/api/v1/run", json={"state": "running"}))["speed"] == 0.5
+
+
+def test_pausing_ends_many_steps_at_a_slow_speed(server: RunningServer) -> None:
+    server.http.post("/api/v1/run", json={"state": "paused", "speed": 0.1}).raise_for_status()
+    before_s = server.state()["time_s"]
+    with ThreadPoolExecutor(1) as pool:
+        stepping = pool.submit(server.http.post, "/api/v1/step", json={"ticks": 5000})
+        server.wait_for(lambda state: state["time_s"] > before_s)
+        server.http.post("/api/v1/run", json={"state": "paused"}).raise_for_status()
+        cut_short = stepping.result(30.0)
+    assert cut_short.status_code == 409 and "set paused" in cut_short.json()["detail"]
+    stopped_s = server.state()["time_s"]
+    assert stopped_s < before_s + 10.0
+    assert server.http.post("/api/v1/step", json={"ticks": 5}).json()["time_s"] == pytest.approx(stopped_s + 0.01)
 
 
 def test_a_step_while_running_is_refused_with_what_to_do(server: RunningServer) -> None:

@@ -48,6 +48,13 @@ def test_faults_are_named(on_hardware: np.void) -> None:
     assert set(state_json(on_hardware)["faults"]) == {"TILT", "STALE_SETPOINT"}
 
 
+@pytest.mark.parametrize(("share", "named"), [(0.0, False), (0.04, False), (0.09, True)])
+def test_a_loop_that_does_not_keep_its_rate_is_a_fault(on_hardware: np.void, share: float, named: bool) -> None:
+    on_hardware["overrun_share"] = share
+    assert ("LOOP_OVERRUNS" in state_json(on_hardware)["faults"]) is named
+    assert state_json(on_hardware)["loop"]["overrun_share"] == share
+
+
 @pytest.mark.parametrize("mode", list(Mode))
 def test_modes_are_named(on_hardware: np.void, mode: Mode) -> None:
     on_hardware["mode"] = mode

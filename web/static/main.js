@@ -23,6 +23,7 @@ const FAULT_WORDS = {
   estimator_stale: "the force estimate is stale",
   controller_error: "the controller failed",
   tip_over_limit: "the commanded force is reduced, or the robot would tip over",
+  loop_overruns: "the control loop cannot keep its rate: one tick in twenty or more is late",
 };
 
 const pauseButton = document.getElementById("pause");

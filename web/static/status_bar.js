@@ -15,14 +15,15 @@ function show(id, text, level = "") {
 /** Show a state of the stream. */
 export function showState(state) {
   const paused = state.mode === "paused";
-  const { real_time_factor: factor, speed, overruns, lateness_p99_ms: lateness, realtime_scheduling: realtime } = state.loop;
+  const { real_time_factor: factor, speed, overruns, overrun_share: share } = state.loop;
+  const { lateness_p99_ms: lateness, realtime_scheduling: realtime } = state.loop;
   showMode(modeOf(state));
   const drive = state.drive;
   show("backend", drive ? `${state.backend}${drive.dry_run ? ", dry run" : ""}: ${drive.state.replace("_", " ")}` : `${state.backend}, ${state.scene}`);
   show("real-time", paused ? "–" : `× ${factor.toFixed(2)}`, !paused && factor < SLOW * speed ? "warn" : "");
   show("overruns", String(overruns), overrunning(overruns) ? "warn" : "");
   element("overruns").title =
-    `Ticks that missed their 2 ms deadline. 99 % are at most ${lateness.toFixed(2)} ms late; ` +
+    `Ticks that missed their 2 ms deadline, ${(100 * share).toFixed(1)} % of the last seconds'. 99 % are at most ${lateness.toFixed(2)} ms late; ` +
     `real-time priority is ${realtime ? "granted" : "not granted"}.`;
   show("estimator", state.estimator);
 }
