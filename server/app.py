@@ -15,8 +15,9 @@ from server.build_info import build_info
 from server.control_client import ControlClient
 from server.docs_page import docs_page
 from server.errors import InvalidFieldError, ServerError
+from server.head import HeadAsGet
 from server.operator import Operator
-from server.responses import json_response
+from server.responses import ANY_CALL, json_response
 from server.routes import ROUTERS
 from server.validation import invalid_fields
 from web.viser_page import STATIC
@@ -33,13 +34,22 @@ def create_app(operator: Operator, *, viser_port: int, token: str | None = None)
         token: required of every request, None for none.
     """
     build = build_info()
-    app = FastAPI(title="Forcelens", version=build.version, docs_url=None, redoc_url=None, lifespan=_lifespan)
+    app = FastAPI(
+        title="Forcelens",
+        version=build.version,
+        docs_url=None,
+        redoc_url=None,
+        lifespan=_lifespan,
+        responses=ANY_CALL,
+        generate_unique_id_function=lambda route: route.name,
+    )
     app.state.build = build
     app.state.operator = operator
     app.state.encoder = stream.SnapshotEncoder(operator.client)
     app.state.viser_port = viser_port
     app.add_exception_handler(RequestValidationError, _invalid_request)
     app.add_exception_handler(ServerError, _refused)
+    app.add_exception_handler(Exception, _failed)
     for router in ROUTERS:
         app.include_router(router)
     app.include_router(stream.router)
@@ -48,6 +58,7 @@ def create_app(operator: Operator, *, viser_port: int, token: str | None = None)
     app.add_api_route("/docs", lambda: HTMLResponse(docs_page(app.openapi())), include_in_schema=False)
     app.mount("/static", StaticFiles(directory=STATIC), name="static")
     app.add_middleware(AccessControl, token=token)
+    app.add_middleware(HeadAsGet)
     return app
 
 
@@ -81,3 +92,8 @@ async def _refused(_: Request, error: Exception) -> Response:
     if isinstance(error, InvalidFieldError):
         return json_response({"detail": [error.detail()]}, 422)
     return json_response({"detail": str(error)}, error.status)
+
+
+async def _failed(_: Request, error: Exception) -> Response:
+    """After this answer the error goes on to the log, with its traceback."""
+    return json_response({"detail": f"a defect in this call ({type(error).__name__}); the console's log tells more"}, 500)

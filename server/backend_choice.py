@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
+from server.answers.selection import BackendName, RobotOptions
 from server.errors import InvalidFieldError
 from sim.backends.hardware.config import HardwareConfig
 from sim.backends.unitree.dds import RobotNetworkError
@@ -19,7 +20,7 @@ class BackendChoice:
     hardware: HardwareConfig | None = None
 
     @property
-    def name(self) -> str:
+    def name(self) -> BackendName:
         """As in REST."""
         return "simulation" if self.hardware is None else "hardware"
 
@@ -29,7 +30,7 @@ class BackendChoice:
             return {"make_session": Session, "paused": paused}
         return {"make_session": partial(HardwareSession, hardware=self.hardware), "paused": False}
 
-    def options(self) -> dict[str, Any]:
+    def options(self) -> RobotOptions:
         """As in REST."""
         if self.hardware is None:
             return {}

@@ -4,17 +4,18 @@ import asyncio
 
 from fastapi import APIRouter, Response
 
+from server.answers.safety import EstopAnswer
 from server.control_client import CALL_TIMEOUT_S
 from server.dependencies import TheOperator
 from server.errors import ControlDeadError, ControlTimeoutError
-from server.responses import answers, json_response
+from server.responses import json_response, refusals
 
 ROBOT_ATTEMPTS = 20
 
 router = APIRouter(prefix="/api/v1/estop", tags=["safety"])
 
 
-@router.post("", responses=answers({"latched": True, "mode": "estop"}))
+@router.post("", response_model=EstopAnswer, responses=refusals(503))
 async def estop(operator: TheOperator) -> Response:
     """Latch the e-stop. The answer carries the state that the backend reports; a robot stops without a control process too."""
     # Not in the thread pool, where slow calls could be ahead of it.
@@ -32,7 +33,7 @@ async def estop(operator: TheOperator) -> Response:
         raise
 
 
-@router.post("/clear", responses=answers({"latched": False, "mode": "running"}))
-def clear(operator: TheOperator) -> Response:
+@router.post("/clear", response_model=EstopAnswer, responses=refusals(409, 503))
+def clear_estop(operator: TheOperator) -> Response:
     """Clear the e-stop; the robot stands up from where it is, with the default command."""
     return json_response(operator.clear_estop())

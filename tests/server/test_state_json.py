@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from control.safety import Fault
+from server.answers.state import StateAnswer
 from server.state import SECTIONS, encode, estimator_errors, state_json
 from sim.runtime.snapshot import SNAPSHOT, Mode
+from tests.server.contract import check_fit
 
 
 @pytest.fixture
@@ -51,6 +53,7 @@ def test_faults_are_named(on_hardware: np.void) -> None:
 def test_modes_are_named(on_hardware: np.void, mode: Mode) -> None:
     on_hardware["mode"] = mode
     assert state_json(on_hardware)["mode"] == mode.name.lower()
+    check_fit(StateAnswer, encode(state_json(on_hardware)).decode())
 
 
 def test_a_dead_process_is_a_fault_whatever_its_last_snapshot_says(on_hardware: np.void) -> None:
@@ -59,6 +62,16 @@ def test_a_dead_process_is_a_fault_whatever_its_last_snapshot_says(on_hardware: 
     assert state["mode"] == "fault"
     assert state["faults"][-1] == "CONTROL_PROCESS_DEAD"
     assert state["loop"]["rate_hz"] == 0.0
+
+
+@pytest.mark.parametrize("unknown", [np.nan, np.inf])
+def test_whatever_cannot_be_measured_or_estimated_is_null_by_the_schema(on_hardware: np.void, unknown: float) -> None:
+    signals = ("base_", "joint_", "end_effector_", "force_", "wheel_force_", "mass_scale_")
+    for name in SNAPSHOT.names or ():
+        if name.startswith(signals):
+            on_hardware[name] = unknown
+    on_hardware["backend"] = "hardware"
+    check_fit(StateAnswer, encode(state_json(on_hardware)).decode())
 
 
 def test_whatever_is_not_finite_is_no_json(on_hardware: np.void) -> None:
