@@ -1,17 +1,20 @@
-"""The real-time loop: events, set-point, tick, snapshot, every period, and nothing that waits on anyone.
+"""The real-time loop: e-stop, events, set-point, tick, snapshot, every period, and nothing that waits on anyone.
 
 Running and pausing, speed and single steps are the loop's own; everything else is the session's.
 """
 
 import gc
 import logging
+import select
 import time
+from collections import deque
 from multiprocessing.connection import Connection
 from typing import Any
 
 import numpy as np
 
-from control.pipeline import TICK_S
+from control.timing import CONTROL_PERIOD_S, TICK_S, Job, due
+from server.estop_lane import EstopLane
 from server.messages import Close, Event, Outcome, Reply
 from server.pacing import Pacer
 from server.session_events import SLOW_EVENTS, EventError, SessionEvents
@@ -21,21 +24,13 @@ from sim.processes.shared_record import SharedRecord
 from sim.runtime.session import Session
 from sim.runtime.snapshot import SNAPSHOT, Mode
 
-PUBLISH_EVERY = 5
-"""Ticks between snapshots (100 Hz, the fastest stream); a change that someone waits for is published at once."""
-
-TRACK_EVERY = 10
-"""Ticks between updates of the live errors. They share the truth of a snapshot, and neither falls on the ticks after a
-multiple of ten, in which the pipeline runs its controller."""
-
 SPEED_RANGE = (0.1, 4.0)
 MAX_STEPS = 5000
 NOTED_HOLD_S = 0.05
 
-_URGENT = "estop"
-_ESTOP_EVENTS = frozenset({"estop", "clear_estop"})
 _RESTARTING = frozenset({"reset", "set_scene"})
-_SEEN_AFTER_A_TICK = _RESTARTING | {"clear_estop"}
+_CLEAR = "clear_estop"
+_SEEN_AFTER_A_TICK = _RESTARTING | {_CLEAR}
 """A hold makes one tick after these, so that the new state is seen."""
 
 _log = logging.getLogger(__name__)
@@ -48,6 +43,7 @@ class ControlLoop:
         session: what is stepped.
         state: SNAPSHOT records go out here.
         setpoints: SETPOINT records come in here.
+        estops: the e-stop comes in here.
         pipe: events come in and replies go out here.
         pacer: keeps time; its period is set here.
         paused: start in a hold instead of running.
@@ -59,6 +55,7 @@ class ControlLoop:
         session: Session,
         state: SharedRecord,
         setpoints: SharedRecord,
+        estops: EstopLane,
         pipe: Connection,
         pacer: Pacer,
         *,
@@ -69,6 +66,7 @@ class ControlLoop:
         self._events = SessionEvents(session)
         self._state = state
         self._setpoints = setpoints
+        self._estops = estops
         self._pipe = pipe
         self._pacer = pacer
         self._running = not paused
@@ -82,7 +80,11 @@ class ControlLoop:
         previous = state.read()
         self._sequence = 0 if previous is None else int(previous[0]["sequence"])  # goes on after a restart
         self._urgent_publish = True
+        self._waiting: deque[Event] = deque()
         self._answers: list[tuple[Event, Outcome, Any]] = []
+        self._outbox: deque[Reply] = deque()
+        self._writable = select.poll()
+        self._writable.register(pipe.fileno(), select.POLLOUT)
         self._closed = False
         self._ticks = 0  # since the session's reset
         self._idle = 0  # turns without a tick
@@ -97,20 +99,44 @@ class ControlLoop:
 
     def turn(self) -> None:
         """One period's work. Replies go out last, so that whoever has one also sees its effect in the snapshot."""
+        stopped = self._take_estop()
         self._serve_events()
         self._read_setpoint()
         if self._failure is None and (self._running or self._steps_left > 0):
             self._tick()
         else:
             self._idle += 1
-        if self._urgent_publish or (self._idle or self._ticks) % PUBLISH_EVERY == 0:
+        # A snapshot that someone waits for does not wait for its slot.
+        if self._urgent_publish or due(Job.SNAPSHOT, (self._idle or self._ticks) - 1):
             self._publish()
+        if stopped is not None:
+            self._estops.take(stopped)
+        self._answer()
+
+    def _take_estop(self) -> int | None:
+        """Latch the e-stop if one is pending; returns its number."""
+        if not self._estops.pending:
+            return None
+        asked = self._estops.asked
+        try:
+            self._session.estop()
+        except BackendError:
+            _log.exception("the backend did not take the e-stop")
+        self._urgent_publish = True
+        return asked
+
+    def _answer(self) -> None:
         for event, outcome, value in self._answers:
-            if outcome is Outcome.DONE and event.name in _ESTOP_EVENTS:
+            if outcome is Outcome.DONE and event.name == _CLEAR:
                 mode = self._snapshot[0]["mode"]
                 value = {"latched": bool(mode == Mode.ESTOP), "mode": Mode(mode).name.lower()}
-            self._send(Reply(event.id, outcome, value))
+            self._outbox.append(Reply(event.id, outcome, value))
         self._answers.clear()
+        try:
+            while self._outbox and self._writable.poll(0):  # a web process that does not read must not hold the loop
+                self._pipe.send(self._outbox.popleft())
+        except (BrokenPipeError, ConnectionResetError):
+            self._closed = True
 
     def _tick(self) -> None:
         setpoint = self._setpoint[0]
@@ -124,8 +150,8 @@ class ControlLoop:
             return
         self._idle = 0
         self._ticks = round(self._session.time_s / TICK_S)
-        if self._ticks % TRACK_EVERY == PUBLISH_EVERY:
-            self._session.track_errors(TRACK_EVERY * TICK_S)
+        if due(Job.LIVE_ERRORS, self._ticks - 1):
+            self._session.track_errors(CONTROL_PERIOD_S)
         if self._steps_left > 0:
             self._steps_left -= 1
             if self._steps_left == 0:
@@ -147,6 +173,7 @@ class ControlLoop:
         self._sequence += 1
         record["sequence"] = self._sequence
         record["wall_time_s"] = time.time()
+        record["published_s"] = time.monotonic()
         if self._failure is not None:
             record["mode"] = Mode.FAULT
         elif not self._running and record["mode"] == Mode.RUNNING:
@@ -164,30 +191,34 @@ class ControlLoop:
         self._urgent_publish = False
 
     def _serve_events(self) -> None:
-        if not self._pipe.poll():
-            return
-        waiting: list[Event] = []
+        self._receive()
+        while self._waiting:
+            event = self._waiting.popleft()
+            self._serve(event)
+            self._urgent_publish = True
+            if event.name in SLOW_EVENTS:
+                return  # the e-stop has its turn before the next one
+
+    def _receive(self) -> None:
         try:
             while self._pipe.poll():
                 message = self._pipe.recv()
                 if isinstance(message, Close):
                     self._closed = True
                 else:
-                    waiting.append(message)
+                    self._waiting.append(message)
         except (EOFError, OSError):
             _log.warning("the web process is gone; ending")
             self._closed = True
-            return
-        waiting.sort(key=lambda event: event.name != _URGENT)
-        for event in waiting:
-            self._serve(event)
-        self._urgent_publish = True
+            self._waiting.clear()
 
     def _serve(self, event: Event) -> None:
         try:
             if event.name == "step":
                 self._start_steps(event)
                 return
+            if event.name == _CLEAR:
+                self._require_no_later_estop(event.arguments.pop("estops"))
             value = self._set_run(**event.arguments) if event.name == "run" else self._call_session(event)
             self._answers.append((event, Outcome.DONE, value))
         except EventError as error:
@@ -215,6 +246,10 @@ class ControlLoop:
         if held_s > NOTED_HOLD_S:
             _log.info("%s held the loop for %.0f ms", event.name, 1e3 * held_s)
         return value
+
+    def _require_no_later_estop(self, cleared: int) -> None:
+        if self._estops.asked != cleared:
+            raise EventError(Outcome.REFUSED, "the e-stop was pressed again meanwhile; POST /api/v1/estop/clear once more")
 
     def _require_simulation(self, what: str) -> None:
         if not self._session.backend.capabilities.is_simulation:
@@ -249,12 +284,6 @@ class ControlLoop:
         if self._step_event is not None:
             event, self._step_event = self._step_event, None
             self._answers.append((event, outcome, value))
-
-    def _send(self, reply: Reply) -> None:
-        try:
-            self._pipe.send(reply)
-        except (BrokenPipeError, ConnectionResetError):
-            self._closed = True
 
 
 def _age_s(setpoint: np.void) -> float:

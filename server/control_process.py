@@ -12,8 +12,9 @@ from dataclasses import dataclass, field
 from multiprocessing.connection import Connection
 from typing import Any
 
-from control.pipeline import TICK_S
+from control.timing import TICK_S
 from server.control_loop import ControlLoop
+from server.estop_lane import EstopLane
 from server.messages import Fatal, Ready
 from server.pacing import Pacer
 from server.session_events import describe
@@ -45,7 +46,9 @@ class ControlLaunch:
     estopped: bool = False
 
 
-def control_process(launch: ControlLaunch, state_memory: Any, setpoint_memory: Any, pipe: Connection) -> None:
+def control_process(
+    launch: ControlLaunch, state_memory: Any, setpoint_memory: Any, estop_memory: Any, pipe: Connection
+) -> None:
     """Run until closed. Errors that end it go through the pipe before it dies with them."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     logging.basicConfig(level=logging.INFO, format="control process: %(levelname)s: %(message)s")
@@ -58,6 +61,7 @@ def control_process(launch: ControlLaunch, state_memory: Any, setpoint_memory: A
             session,
             SharedRecord(state_memory, SNAPSHOT),
             SharedRecord(setpoint_memory, SETPOINT),
+            EstopLane(estop_memory),
             pipe,
             Pacer(TICK_S),
             paused=launch.paused,

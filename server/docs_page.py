@@ -26,7 +26,7 @@ _INTRODUCTION = """
 <p>JSON, SI units, heading frame unless said; forces are those of the environment on the robot; quaternions are wxyz.
 Heading: origin on the ground below the base, x along the base's x axis projected on the ground, y to the left, z up.
 What is not available or not finite is null. A command is <i>asked</i> for, and what acts of it after guidance, limits,
-tip-over limit and slew is <i>applied</i>.
+the tip-over limit and rate limits is <i>applied</i>.
 Unknown fields, wrong lengths, what is not finite and what is out of range: 422 with the field's name and the allowed range,
 and nothing changes. A state that forbids the call: 409 with what to do. No control process: 503.
 HEAD answers wherever GET does.</p>

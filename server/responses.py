@@ -9,10 +9,12 @@ from server.answers.schema import EXAMPLES
 from server.state import encode
 
 _MEANING = {
+    400: "The request is malformed",
     401: "The token is missing or wrong",
     403: "The request comes from a foreign page or for a foreign host name",
     404: "What the path names does not exist",
     409: "The state forbids it; the message says what to do",
+    413: "The body is too large",
     422: "A field is not allowed; nothing changed",
     500: "A defect; the console's log tells more",
     503: "No control process runs, or it does not answer",
@@ -39,5 +41,5 @@ def _refusal(status: int) -> dict[str, Any]:
     return response
 
 
-ANY_CALL = refusals(401, 403, 500)
+ANY_CALL = refusals(400, 401, 403, 500)
 """What every call may answer."""

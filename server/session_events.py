@@ -52,7 +52,6 @@ class SessionEvents:
             "select_controller": session.select_controller,
             "select_estimator": session.select_estimator,
             "set_mismatch": session.set_mismatch,
-            "estop": session.estop,
             "clear_estop": session.clear_estop,
             "add_wrench": session.add_wrench,
             "list_wrenches": self._list_wrenches,

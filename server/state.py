@@ -14,7 +14,8 @@ from control.joints import JOINT_NAMES, LEGS
 from control.safety import Fault
 from control.types import Command
 from server.answers.command import CommandAnswer, CommandFields
-from server.answers.state import CONTROL_PROCESS_DEAD, Base, Contact, Drive, EndEffector, Joints, Loop
+from server.answers.state import Base, Contact, Drive, EndEffector, Joints, Loop
+from server.silence import NO_SILENCE, Silence
 from sim.backends.hardware.states import DriveState, Trip, describe
 from sim.runtime.snapshot import Mode, on_hardware
 
@@ -138,6 +139,7 @@ SECTIONS: dict[str, Callable[[np.void], Any]] = {
     "time_s": lambda record: float(record["time_s"]),
     "wall_time_s": lambda record: float(record["wall_time_s"]),
     "sequence": lambda record: int(record["sequence"]),
+    "stale_s": lambda _: 0.0,
     "mode": lambda record: Mode(int(record["mode"])).name.lower(),
     "faults": _faults,
     "backend": lambda record: record["backend"].decode(),
@@ -160,14 +162,16 @@ ALWAYS = ("sequence", "time_s", "mode", "faults")
 """Sections that every stream carries, so that a reader can see skips and stops."""
 
 
-def state_json(record: np.void, fields: Iterable[str] = SECTIONS, *, alive: bool = True) -> dict[str, Any]:
-    """The chosen sections of a snapshot; of a dead control process it is the last one, marked as a fault."""
+def state_json(record: np.void, fields: Iterable[str] = SECTIONS, *, silence: Silence = NO_SILENCE) -> dict[str, Any]:
+    """The chosen sections of a snapshot; of a silent control process it is the last one, marked as a fault."""
     state = {name: SECTIONS[name](record) for name in fields}
-    if not alive:
+    if "stale_s" in state:
+        state["stale_s"] = silence.stale_s
+    if silence.fault is not None:
         if "mode" in state:
             state["mode"] = Mode.FAULT.name.lower()
         if "faults" in state:
-            state["faults"] = [*state["faults"], CONTROL_PROCESS_DEAD]
+            state["faults"] = [*state["faults"], silence.fault]
         if "loop" in state:
             state["loop"] |= {"rate_hz": 0.0, "real_time_factor": 0.0}
     return state

@@ -1,6 +1,7 @@
 """Order of the tests, and what each must leave behind: nothing."""
 
 import asyncio
+import time
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
@@ -8,6 +9,8 @@ from pathlib import Path
 import pytest
 
 from sim.backends.unitree.dds import dds_unavailable_because
+
+ENDING_S = 10.0
 
 
 @pytest.hookimpl(trylast=True)
@@ -37,13 +40,21 @@ def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> 
     """Fail the last test of a folder when a process or an event loop outlives it."""
     yield
     if nextitem is None or nextitem.path.parent != item.path.parent:
-        left: list[object] = [*_child_processes()]
+        left: list[object] = _lasting_children()
         with suppress(RuntimeError):
             left.append(asyncio.get_running_loop())
         assert not left, f"the tests of {item.path.parent} leave behind: {left}"
 
 
-def _child_processes() -> Iterator[str]:
+def _lasting_children() -> list[object]:
+    """Command lines of this process's children that do not end within a moment."""
+    deadline = time.monotonic() + ENDING_S
+    while (children := list(_children())) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    return children
+
+
+def _children() -> Iterator[object]:
     """Command lines of the living children of this process, where Linux lists them."""
     for children in Path("/proc/self/task").glob("*/children"):
         for pid in children.read_text().split():

@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from urllib.parse import urlsplit
 
 from control.paths import ROOT
 
@@ -15,13 +16,16 @@ class ConsoleProcess:
 
     Args:
         arguments: further arguments of the command.
+        port: 0 takes a free one.
+        environment: variables beside the inherited ones.
     """
 
-    def __init__(self, *arguments: str) -> None:
+    def __init__(self, *arguments: str, port: int = 0, **environment: str) -> None:
+        inherited = {name: value for name, value in os.environ.items() if name != "FORCELENS_TOKEN"}
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "server", "--no-browser", "--port", "0", *arguments],
+            [sys.executable, "-m", "server", "--no-browser", "--port", str(port), *arguments],
             cwd=ROOT,
-            env=os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
+            env=inherited | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"} | environment,
             stdout=subprocess.PIPE,
             text=True,
         )
@@ -30,6 +34,13 @@ class ConsoleProcess:
         address = next(lines, None)
         assert address is not None, f"the console ended with status {self.process.wait()}"
         self.address = address.split()[-1].rstrip("/")
+
+    @property
+    def port(self) -> int:
+        """Port of the page."""
+        port = urlsplit(self.address).port
+        assert port is not None
+        return port
 
     def control_pid(self) -> int:
         """Process id of the control process, the console's spawned child."""

@@ -12,7 +12,7 @@ from sim.backends.hardware.config import HardwareConfig
 from sim.backends.hardware.records import memory_path
 
 NUMBERS = range(2, 100)
-"""Beside the console's own, 1, and below those whose ports (7400 + 250 per domain) any program may be given."""
+"""Beside the console's own, 1, and below those whose ports any program may be given."""
 
 _next = itertools.cycle(NUMBERS)
 
@@ -30,12 +30,26 @@ def dds_domain() -> Iterator[int]:
                 claim.bind(f"\0forcelens-test-dds-domain-{number}")
             except OSError:
                 continue
+            if _has_participants(number):
+                continue
             try:
                 yield number
             finally:
                 _end_io_process(number)
             return
     raise RuntimeError("other test runs use all DDS domains")
+
+
+def _has_participants(domain: int) -> bool:
+    """Whether somebody who claims nothing, such as a console, is there: each participant takes the first two free ports."""
+    first = 7410 + 250 * domain
+    for port in range(first, first + 10):
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+            try:
+                probe.bind(("", port))
+            except OSError:
+                return True
+    return False
 
 
 def _end_io_process(domain: int) -> None:

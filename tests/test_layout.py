@@ -112,6 +112,6 @@ def test_an_installed_copy_has_every_data_file() -> None:
         path
         for part in (*ORDER, "assets")
         for path in (ROOT / part).rglob("*")
-        if path.is_file() and path.suffix not in {".py", ".pyc"} and path.parent.name != "screenshots"
+        if path.is_file() and path.suffix not in {".py", ".pyc", ".md"} and path.parent.name != "screenshots"
     }
     assert needed - declared == set()

@@ -1,4 +1,4 @@
-"""The manuals name what the code has: every signal, links that lead somewhere, commands that exist, a README that stays short."""
+"""The manuals name what the code has: every signal, links that lead somewhere, commands that exist; the README stays short."""
 
 import importlib.util
 import re

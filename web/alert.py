@@ -25,9 +25,9 @@ _RED, _AMBER = "#b3261e", "#8a5a00"
 
 
 def alert_text(snapshot: np.void | None) -> tuple[str, str] | None:
-    """Message and background of the alert for a SNAPSHOT record (None: the control process is dead), None when all is well."""
+    """Message and background of the alert for a SNAPSHOT record (None: the control process is dead or hangs), or None."""
     if snapshot is None:
-        return "The control process has stopped. Restart it in the bar at the top.", _RED
+        return "The control process has stopped, or hangs. Restart it in the bar at the top.", _RED
     mode = Mode(snapshot["mode"])
     if mode is Mode.ESTOP:
         return "E-stop is latched: the drives only damp. Clear it in the bar at the top.", _RED
@@ -46,7 +46,7 @@ class Alert:
         self._box = server.gui.add_html("", visible=False)
 
     def update(self, snapshot: np.void | None) -> None:
-        """Say what a SNAPSHOT record gives reason to say; None means that the control process is dead."""
+        """Say what a SNAPSHOT record gives reason to say; None means that the control process is dead or hangs."""
         alert = alert_text(snapshot)
         if alert is not None:
             message, background = alert

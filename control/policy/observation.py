@@ -16,7 +16,8 @@ from control.estimation.rolling_contact import rolling_velocity
 from control.frames import rotation_error, rotation_from_quaternion, rotation_heading_to_world
 from control.joints import ARM_SLICE, JOINT_COUNT, LEG_SLICE, NOMINAL_BASE_HEIGHT_M, NOMINAL_POSITION, WHEEL_SLICE
 from control.policy.task_memory import TaskMemory, TaskSignals
-from control.whole_body.controller import CONTROL_PERIOD_S, ControllerInput
+from control.timing import CONTROL_PERIOD_S
+from control.whole_body.controller import ControllerInput
 
 GAIT_FREQUENCY_HZ = 1.5
 """Of the gait phase clock. Wheels never step, but the paper observes it."""

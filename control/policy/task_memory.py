@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from control.joints import WHEEL_RADIUS_M, WHEEL_SLICE
-from control.whole_body.controller import CONTROL_PERIOD_S
+from control.timing import CONTROL_PERIOD_S
 
 _LEFT_MINUS_RIGHT = np.array([1.0, -1.0, 1.0, -1.0])
 

@@ -8,9 +8,6 @@ import numpy as np
 from control.robot_model import RobotModel
 from control.types import BaseState, Command, SensorFrame
 
-CONTROL_PERIOD_S = 0.02
-"""Controllers run at 50 Hz."""
-
 
 @dataclass(frozen=True, slots=True)
 class ControllerInput:

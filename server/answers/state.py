@@ -6,12 +6,13 @@ from control.joints import JOINT_NAMES, LEGS
 from control.safety import Fault
 from server.answers.command import CommandFields
 from server.answers.schema import Answer, OneOf, PerJoint, Quaternion, Vector3, names_of
+from server.silence import CONTROL_PROCESS_DEAD, CONTROL_PROCESS_SILENT
 from sim.backends.hardware.states import DriveState
 from sim.runtime.snapshot import Mode
 
-CONTROL_PROCESS_DEAD = "CONTROL_PROCESS_DEAD"
-
-_FAULTS = OneOf((*(fault.name for fault in Fault if fault.name is not None), CONTROL_PROCESS_DEAD))
+_FAULTS = OneOf(
+    (*(fault.name for fault in Fault if fault.name is not None), CONTROL_PROCESS_DEAD, CONTROL_PROCESS_SILENT),
+)
 
 
 class Base(Answer):
@@ -113,10 +114,12 @@ class StateAnswer(Answer):
     """s since 1970, UTC"""
     sequence: int
     """counts snapshots"""
+    stale_s: float
+    """s, for how long nothing newer has come from a control process that is dead, hangs or is busy; 0 while all is well"""
     mode: Annotated[str, names_of(Mode)]
     """`estop` while the e-stop is latched, `fault` while the drives damp for another reason"""
     faults: list[Annotated[str, _FAULTS]]
-    """why the safety gate damps, or what it limits"""
+    """why the safety gate damps, or what it limits; or that the control process is dead or silent"""
     backend: str
     """what the pipeline drives"""
     drive: Drive | None
@@ -132,7 +135,7 @@ class StateAnswer(Answer):
     command: CommandFields
     """as asked, within limits"""
     applied_command: CommandFields
-    """as applied: the command asked for after guidance, limits, tip-over limit and slew"""
+    """as applied: the command asked for after guidance, limits, the tip-over limit and rate limits"""
     base: Base
     joints: Joints
     end_effector: EndEffector

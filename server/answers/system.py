@@ -10,7 +10,7 @@ class HealthAnswer(Answer):
     """Whether the control process lives."""
 
     status: Literal["ok", "busy", "stalled", "dead"]
-    """`ok` also while paused; `busy`: starts or loads a scene; `stalled`: no snapshot for a second; `dead`: no process"""
+    """`ok` also while paused; `busy`: starts or loads a scene; `stalled`: lives but hangs; `dead`: no process"""
     version: str
     """of Forcelens"""
     commit: str

@@ -17,10 +17,10 @@ async def get_command(operator: TheOperator) -> Response:
     return json_response(command_json(*operator.command()))
 
 
-@router.patch("/command", response_model=CommandAnswer, responses=refusals(409, 422, 503))
+@router.patch("/command", response_model=CommandAnswer, responses=refusals(409, 413, 422, 503))
 async def patch_command(body: CommandPatch, operator: TheOperator) -> Response:
     """Ask for a change of some fields of the command. Answers the command as asked, within limits.
 
-    `applied_command` of the state follows it: after guidance, limits, tip-over limit and slew.
+    `applied_command` of the state follows it: after guidance, limits, the tip-over limit and rate limits.
     """
     return json_response(command_json(*operator.patch_command(**body.model_dump(exclude_unset=True))))

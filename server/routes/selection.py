@@ -18,7 +18,7 @@ def get_backend(operator: TheOperator) -> Response:
     return json_response(_backend(operator))
 
 
-@router.put("/backend", response_model=BackendAnswer, responses=refusals(409, 422, 503))
+@router.put("/backend", response_model=BackendAnswer, responses=refusals(409, 413, 422, 503))
 def put_backend(body: BackendRequest, operator: TheOperator) -> Response:
     """Choose the backend: a fresh control process, with the default command. An engaged robot must sit or damp first."""
     operator.set_backend(body.name, **body.options.model_dump(exclude_unset=True))
@@ -31,7 +31,7 @@ def get_controller(operator: TheOperator) -> Response:
     return json_response(_controller(operator))
 
 
-@router.put("/controller", response_model=ControllerAnswer, responses=refusals(409, 422, 503))
+@router.put("/controller", response_model=ControllerAnswer, responses=refusals(409, 413, 422, 503))
 def put_controller(body: ControllerRequest, operator: TheOperator) -> Response:
     """Choose the controller."""
     operator.select_controller(body.name)
@@ -44,7 +44,7 @@ def get_estimator(operator: TheOperator) -> Response:
     return json_response(_estimator(operator))
 
 
-@router.put("/estimator", response_model=EstimatorAnswer, responses=refusals(409, 422, 503))
+@router.put("/estimator", response_model=EstimatorAnswer, responses=refusals(409, 413, 422, 503))
 def put_estimator(body: EstimatorRequest, operator: TheOperator) -> Response:
     """Choose the estimator, optionally with new gains of its momentum observer."""
     gains = (body.gains.k1, body.gains.k2) if "gains" in body.model_fields_set else None

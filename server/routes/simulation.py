@@ -12,20 +12,20 @@ from server.schemas import MismatchRequest, ResetRequest, RunRequest, SceneReque
 router = APIRouter(prefix="/api/v1", tags=["simulation"])
 
 
-@router.post("/run", response_model=RunAnswer, responses=refusals(409, 422, 503))
+@router.post("/run", response_model=RunAnswer, responses=refusals(409, 413, 422, 503))
 def run(body: RunRequest, operator: TheOperator) -> Response:
     """Run or pause; without a speed, that stays."""
     speed = body.speed if "speed" in body.model_fields_set else None
     return json_response(operator.set_run(body.state, speed))
 
 
-@router.post("/step", response_model=StepAnswer, responses=refusals(409, 422, 503))
+@router.post("/step", response_model=StepAnswer, responses=refusals(409, 413, 422, 503))
 def step(body: StepRequest, operator: TheOperator) -> Response:
     """Advance a paused simulation by ticks of 2 ms; answers when they are done."""
     return json_response(operator.step(body.ticks))
 
 
-@router.post("/reset", response_model=ResetAnswer, responses=refusals(409, 422, 503))
+@router.post("/reset", response_model=ResetAnswer, responses=refusals(409, 413, 422, 503))
 def reset(operator: TheOperator, body: ResetRequest | None = None) -> Response:
     """Put the robot back, with the default command. A latched e-stop stays latched."""
     body = body or ResetRequest()
@@ -40,7 +40,7 @@ def get_scene(operator: TheOperator) -> Response:
     return json_response(_scene(operator))
 
 
-@router.put("/scene", response_model=SceneAnswer, responses=refusals(409, 422, 503))
+@router.put("/scene", response_model=SceneAnswer, responses=refusals(409, 413, 422, 503))
 def put_scene(body: SceneRequest, operator: TheOperator) -> Response:
     """Load a scene with the robot at its start and the default command."""
     operator.set_scene(body.name)
@@ -53,7 +53,7 @@ def get_mismatch(operator: TheOperator) -> Response:
     return json_response(_mismatch(operator))
 
 
-@router.put("/mismatch", response_model=MismatchAnswer, responses=refusals(409, 422, 503))
+@router.put("/mismatch", response_model=MismatchAnswer, responses=refusals(409, 413, 422, 503))
 def put_mismatch(body: MismatchRequest, operator: TheOperator) -> Response:
     """Scale the simulated robot's masses while it runs; the estimator is not told."""
     operator.set_mismatch(body.mass_scale, body.per_link)

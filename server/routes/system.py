@@ -2,6 +2,7 @@
 
 import time
 
+from anyio import CapacityLimiter, to_thread
 from fastapi import APIRouter, Response
 
 from server.answers.state import StateAnswer
@@ -9,11 +10,13 @@ from server.answers.system import HealthAnswer, RestartAnswer
 from server.dependencies import TheBuild, TheOperator
 from server.responses import json_response, refusals
 from server.schemas import RestartRequest
+from server.silence import silence_of
 from server.state import loop_json, state_json
 
-STALLED_AFTER_S = 1.0
-
 router = APIRouter(prefix="/api/v1", tags=["system"])
+
+_restarting = CapacityLimiter(2)
+"""Threads of its own: calls that wait for a control process that hangs must not delay its end. The second one refuses."""
 
 
 @router.get(
@@ -30,7 +33,7 @@ async def get_health(operator: TheOperator, build: TheBuild) -> Response:
     elif client.busy:
         status = "busy"
     else:
-        status = "ok" if client.snapshot_age_s() < STALLED_AFTER_S else "stalled"
+        status = "stalled" if client.stalled else "ok"
     body: HealthAnswer = {
         "status": status,
         "version": build.version,
@@ -46,13 +49,17 @@ async def get_health(operator: TheOperator, build: TheBuild) -> Response:
 
 @router.get("/state", response_model=StateAnswer, responses=refusals(503))
 async def get_state(operator: TheOperator) -> Response:
-    """One consistent snapshot. Of a dead control process it is the last one, with mode `fault`."""
+    """One consistent snapshot. Of a control process that is dead or hangs it is the last one, with mode `fault`.
+
+    `stale_s` tells for how long nothing newer has come, s; 0 while all is well.
+    """
     snapshot = operator.client.require_snapshot()
-    return json_response(state_json(snapshot, alive=operator.client.alive))
+    return json_response(state_json(snapshot, silence=silence_of(operator.client)))
 
 
-@router.post("/control/restart", response_model=RestartAnswer, responses=refusals(409, 422, 503))
-def restart_control(operator: TheOperator, body: RestartRequest | None = None) -> Response:
+@router.post("/control/restart", response_model=RestartAnswer, responses=refusals(409, 413, 422, 503))
+async def restart_control(operator: TheOperator, body: RestartRequest | None = None) -> Response:
     """Start a fresh control process in a safe hold: paused, default command, e-stop kept."""
-    operator.restart(force=body is not None and body.force)
+    force = body is not None and body.force
+    await to_thread.run_sync(lambda: operator.restart(force=force), limiter=_restarting)
     return json_response({"status": "ok"})

@@ -18,7 +18,7 @@ def list_wrenches(operator: TheOperator) -> Response:
     return json_response(operator.client.call("list_wrenches"))
 
 
-@router.post("", status_code=201, response_model=WrenchCreatedAnswer, responses=refusals(409, 422, 503))
+@router.post("", status_code=201, response_model=WrenchCreatedAnswer, responses=refusals(409, 413, 422, 503))
 def add_wrench(body: WrenchRequest, operator: TheOperator) -> Response:
     """Apply a wrench, in addition to those that act already; it expires by itself."""
     return json_response({"id": operator.client.call("add_wrench", **body.model_dump())}, 201)

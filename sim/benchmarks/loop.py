@@ -17,8 +17,9 @@ import numpy as np
 
 from control.command.limits import DEFAULT_COMMAND
 from control.joints import JOINT_NAMES, NOMINAL_BASE_HEIGHT_M, NOMINAL_POSITION, WHEEL_JOINT_NAMES
-from control.pipeline import CONTROL_DECIMATION, TICK_S, PipelineConfig
+from control.pipeline import PipelineConfig
 from control.robot_model import RobotModel
+from control.timing import SLOT_COUNT, TICK_S
 from sim import scenes
 from sim.benchmarks.report import Report, argument_parser, at_least, at_most
 from sim.benchmarks.server_process import ServerProcess, watch
@@ -200,7 +201,7 @@ def plot(folder: Path, durations: np.ndarray) -> None:
 
     folder.mkdir(parents=True, exist_ok=True)
     figure, axes = pyplot.subplots(figsize=(7, 3.5))
-    phase = (WARM_UP_TICKS + np.arange(len(durations))) % CONTROL_DECIMATION
+    phase = (WARM_UP_TICKS + np.arange(len(durations))) % SLOT_COUNT
     bins = np.linspace(0.0, 2000.0, 101).tolist()
     axes.hist(durations[phase == 0], bins, label="with the 50 Hz controller")
     axes.hist(durations[phase != 0], bins, alpha=0.6, label="without")

@@ -13,8 +13,8 @@ from control.types import Command
 from sim.backends.hardware.backend import HardwareBackend
 from sim.backends.hardware.config import HardwareConfig
 from sim.backends.hardware.states import REQUEST_NAMES, DriveState, Request
+from sim.backends.simulation.applied_wrenches import ActiveWrench
 from sim.backends.simulation.mujoco_backend import MujocoBackend
-from sim.backends.simulation.wrenches import ActiveWrench
 from sim.runtime.session import Session, SessionConfig, SessionError
 from sim.runtime.snapshot import Mode
 

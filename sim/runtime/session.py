@@ -10,12 +10,14 @@ import numpy as np
 
 from control.command.limits import DEFAULT_COMMAND
 from control.frames import rotation_z
-from control.pipeline import TICK_S, Pipeline, PipelineConfig, PipelineOutput
+from control.pipeline import Pipeline, PipelineConfig, PipelineOutput
+from control.timing import TICK_S
 from control.types import Command
 from sim.backends.protocol import GroundTruth
+from sim.backends.simulation.applied_wrenches import ActiveWrench
 from sim.backends.simulation.mujoco_backend import MujocoBackend
 from sim.backends.simulation.sensors import SensorConfig
-from sim.backends.simulation.wrenches import ActiveWrench, Pulse
+from sim.backends.simulation.wrenches import Pulse
 from sim.runtime.snapshot import Mode, command_from_record, command_to_record
 from sim.runtime.snapshot_writer import write_forces, write_policy, write_robot
 
@@ -51,6 +53,7 @@ class Session:
         self._error_power = np.full(len(self.pipeline.estimator_names), np.nan)
         self._command = DEFAULT_COMMAND
         self._command_sequence = 0
+        self._unheard_sequence = -1
         self._output: PipelineOutput | None = None
         self._truth: GroundTruth | None = None
         self._drag_target: np.ndarray | None = None
@@ -90,13 +93,20 @@ class Session:
         return self._output
 
     def tick_setpoint(self, setpoint: np.void, age_s: float) -> None:
-        """`tick` from a SETPOINT record, with the drag spring while its operator is alive."""
+        """`tick` from a SETPOINT record, with the drag spring while its operator is alive.
+
+        A base velocity whose operator has fallen silent does not act again when he is heard again, only when he asks anew.
+        """
         dragging = bool(setpoint["drag_active"]) and age_s < DRAG_HEARTBEAT_S
         self._set_drag(setpoint["drag_target_in_world"].copy() if dragging else None)
-        command = command_from_record(setpoint["command"])
+        command, sequence = command_from_record(setpoint["command"]), int(setpoint["sequence"])
+        if age_s > self.pipeline.config.safety.setpoint_timeout_s:
+            self._unheard_sequence = sequence
+        if sequence == self._unheard_sequence:
+            command = replace(command, base_velocity=np.zeros(3))
         self.tick(command, age_s)
         self._command = command
-        self._command_sequence = int(setpoint["sequence"])
+        self._command_sequence = sequence
 
     def _set_drag(self, target_in_world: np.ndarray | None) -> None:
         if target_in_world is not None or self._drag_target is not None:

@@ -41,6 +41,7 @@ SNAPSHOT = np.dtype(
         ("sequence", "u8"),  # counts snapshots
         ("time_s", "f8"),  # simulated (or robot) time
         ("wall_time_s", "f8"),  # time.time() of the tick
+        ("published_s", "f8"),  # time.monotonic() of the snapshot
         ("mode", "u1"),  # Mode
         ("faults", "u4"),  # control.safety.Fault bits
         ("backend", "S16"),

@@ -14,8 +14,8 @@ from control.joints import JOINT_COUNT, NOMINAL_BASE_HEIGHT_M, NOMINAL_POSITION,
 from control.policy.action import ActionScales
 from control.policy.observation import EXTENDED_FORM, RESIDUAL_FORM, Observation, advance_phase
 from control.policy.task_memory import TaskMemory, TaskMemoryConfig, TaskSignals
+from control.timing import CONTROL_PERIOD_S
 from control.whole_body.arm import ArmConfig
-from control.whole_body.controller import CONTROL_PERIOD_S
 from control.whole_body.reference_correction import NO_CORRECTION, ReferenceCorrection
 from sim.training.batch_rotations import (
     products,

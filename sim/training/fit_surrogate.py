@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from control.provenance import commit
-from control.whole_body.controller import CONTROL_PERIOD_S
+from control.timing import CONTROL_PERIOD_S
 from sim.training.surrogate import MOTION_NAMES, SURROGATE_FILE, LowPass, SurrogateParameters
 from sim.trials.random_segments import RandomSegments
 from sim.trials.trial import Trial, TrialSetup

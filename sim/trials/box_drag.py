@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from control.command.limits import DEFAULT_COMMAND
+from control.timing import CONTROL_PERIOD_S
 from sim.scenes.box import CENTER_X_M, TOP_HEIGHT_M
 from sim.trials.trial import Trial, TrialSetup
 
@@ -45,12 +46,12 @@ def drag_box(setup: TrialSetup, seed: int) -> DragResult:
     for _ in trial.run(pressing, PRESS_S):
         pass
     errors, places, contact = [], [], []
-    for step in range(round(DRAG_PERIODS / DRAG_HZ / 0.02)):
-        lateral = lateral_force(0.02 * step)
+    for step in range(round(DRAG_PERIODS / DRAG_HZ / CONTROL_PERIOD_S)):
+        lateral = lateral_force(CONTROL_PERIOD_S * step)
         command = replace(pressing, mask=np.array([0.0, 1.0, 1.0]), force_n=np.array([0.0, lateral, PRESS_N]))
-        for _ in trial.run(command, 0.02):
+        for _ in trial.run(command, CONTROL_PERIOD_S):
             pass
-        if step * 0.02 < 0.5:
+        if step * CONTROL_PERIOD_S < 0.5:
             continue
         truth = trial.truth
         errors.append(truth.force_true_n[1:] - command.force_n[1:])

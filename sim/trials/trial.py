@@ -9,10 +9,11 @@ import numpy as np
 
 from control.command.limits import DEFAULT_COMMAND
 from control.estimation.registry import LEARNED_NAMES, EstimatorsConfig
-from control.pipeline import CONTROL_DECIMATION, TICK_S, PipelineConfig
+from control.pipeline import PipelineConfig
 from control.policy.policy_controller import make_policy
 from control.policy.policy_weights import available_policies
 from control.robot_model import RobotModel
+from control.timing import SLOT_COUNT, TICK_S
 from control.types import Command
 from control.whole_body.controller import Controller, ControllerInput
 from sim.backends.protocol import GroundTruth
@@ -119,7 +120,7 @@ class Trial:
         """Tick under a command; yields the elapsed time, s, every controller period."""
         for tick in range(1, round(seconds / TICK_S) + 1):
             self.session.tick(command)
-            if tick % CONTROL_DECIMATION == 0:
+            if tick % SLOT_COUNT == 0:
                 yield tick * TICK_S
 
     def _force_input(self, name: str) -> Callable[[], np.ndarray]:

@@ -27,6 +27,11 @@ BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
 FLAGS = ("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-background-networking")
 
 
+def chromium_path() -> str | None:
+    """Path of a Chromium on this machine, None without one."""
+    return next(filter(None, map(shutil.which, BROWSERS)), None)
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if item.path.is_relative_to(Path(__file__).parent):
@@ -49,7 +54,7 @@ def no_test_hangs() -> Iterator[None]:
 
 @pytest.fixture(scope="package")
 def browser() -> Iterator[Browser]:
-    executable = next(filter(None, map(shutil.which, BROWSERS)), None)
+    executable = chromium_path()
     if executable is None:
         message = f"no Chromium found (looked for {', '.join(BROWSERS)}); install one to run the browser tests"
         if os.environ.get("CI") == "true":

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from control.command.limits import DEFAULT_COMMAND
+from control.timing import TICK_S
 from sim.backends.protocol import BackendError
 from sim.backends.simulation.mujoco_backend import MujocoBackend
 from sim.runtime.session import SessionConfig
@@ -37,7 +38,7 @@ class FakeSession:
         if self.scene == "broken":
             raise BackendError("the simulation diverged; reset it")
         self.ticks += 1
-        self.time_s += 0.002
+        self.time_s += TICK_S
         self.ages_s = [*self.ages_s[-9:], age_s]
         self.command_sequence = int(setpoint["sequence"])
         self.command = command_from_record(setpoint["command"])

@@ -17,12 +17,14 @@ import httpx
 
 from server import answers
 from server.app import create_app
+from server.credentials import Credentials
 from server.docs_page import pretty
 from sim.backends.z1.driver import Z1Config
 from sim.emulator.process import EmulatorProcess
 from tests.server.contract import API, ask, route_of, schema_of
 from tests.server.running_server import RunningServer, running_server
 from tests.server.tour import tour
+from web.viser_door import ViserDoor
 
 TARGET = Path(answers.__file__).with_name("examples.json")
 DOMAIN = 1
@@ -43,7 +45,8 @@ def robot(http: httpx.Client) -> Iterator[httpx.Response]:
 
 def refused(server: RunningServer) -> Iterator[httpx.Response]:
     """What goes wrong outside of any call: no token, no control process."""
-    yield ask(create_app(server.operator, viser_port=1, token="a token that is not sent"), "GET", f"{API}state")
+    guarded = create_app(server.operator, scene=ViserDoor(), credentials=Credentials("a token that is not sent"))
+    yield ask(guarded, "GET", f"{API}state")
     assert server.operator.client.pid is not None
     os.kill(server.operator.client.pid, signal.SIGKILL)
     server.wait_for(lambda state: state["mode"] == "fault")

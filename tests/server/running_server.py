@@ -1,17 +1,18 @@
 """A server as people run it, on a free port, around the real session but with a stand-in for the 3-D scene's server."""
 
+import asyncio
 import socket
 import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import closing, contextmanager
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass
 
 import httpx
 import uvicorn
 import websockets
 from fastapi import FastAPI
-from websockets.sync.server import ServerConnection, serve
+from websockets.exceptions import ConnectionClosed
 
 from server.app import create_app
 from server.control_client import ControlClient
@@ -19,6 +20,7 @@ from server.control_process import ControlLaunch
 from server.operator import Operator
 from server.web_server import uvicorn_config
 from tests.server.contract import check_answer
+from web.viser_door import Connection, ViserDoor
 
 SCENE_PROTOCOL = websockets.Subprotocol("viser-test")
 
@@ -50,11 +52,11 @@ class RunningServer:
 def running_server() -> Iterator[RunningServer]:
     """Its processes and threads end with the context."""
     launch = ControlLaunch()
-    with closing(ControlClient(launch)) as client, _scene() as scene_port:
+    with closing(ControlClient(launch)) as client, _scene() as scene:
         client.start()
         operator = Operator(client, launch)
         client.wait_ready()
-        app = create_app(operator, viser_port=scene_port)
+        app = create_app(operator, scene=scene)
         with _served(app) as port, _client(port) as http:
             running = RunningServer(port, operator, http)
             running.wait_for(lambda state: state.get("time_s", 0.0) > 0.0)
@@ -67,16 +69,31 @@ def _client(port: int) -> httpx.Client:
 
 
 @contextmanager
-def _scene() -> Iterator[int]:
-    """Port of an echo that stands in for Viser."""
+def _scene() -> Iterator[ViserDoor]:
+    """The door to an echo that stands in for Viser, on an event loop in a thread of its own."""
 
-    def echo(connection: ServerConnection) -> None:
-        for message in connection:
-            connection.send(message)
+    async def echo(connection: Connection) -> None:
+        with suppress(ConnectionClosed):
+            while True:
+                await connection.send(await connection.recv())
 
-    with serve(echo, "127.0.0.1", 0, subprotocols=[SCENE_PROTOCOL], max_size=None) as server:
-        threading.Thread(target=server.serve_forever).start()
-        yield server.socket.getsockname()[1]
+    def choose(_: object, offered: Sequence[str]) -> str | None:
+        return SCENE_PROTOCOL if SCENE_PROTOCOL in offered else None
+
+    async def serve() -> None:
+        async with door.serve(echo, select_subprotocol=choose):
+            opened.set()
+            await asyncio.to_thread(ended.wait)
+
+    door, opened, ended = ViserDoor(), threading.Event(), threading.Event()
+    thread = threading.Thread(target=lambda: asyncio.run(serve()))
+    thread.start()
+    assert opened.wait(10.0)
+    try:
+        yield door
+    finally:
+        ended.set()
+        thread.join()
 
 
 @contextmanager

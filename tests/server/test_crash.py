@@ -28,7 +28,6 @@ def test_kill_shows_and_restart_holds(crashed: RunningServer) -> None:
     assert state["loop"]["rate_hz"] == 0.0
 
     for method, path, body in (
-        ("POST", "estop", None),
         ("POST", "run", {"state": "running"}),
         ("PATCH", "command", {"guidance": True}),
         ("PUT", "scene", {"name": "free"}),
@@ -49,3 +48,12 @@ def test_a_latched_estop_outlives_the_process(server: RunningServer) -> None:
     server.http.post("/api/v1/estop").raise_for_status()
     assert server.http.post("/api/v1/control/restart", json={"force": True}).status_code == 200
     server.wait_for(lambda state: state["mode"] == "estop" and state["faults"] == [])
+
+
+def test_an_estop_while_nothing_runs_is_latched_by_the_next_process(crashed: RunningServer) -> None:
+    server = crashed
+    assert server.http.post("/api/v1/estop").json() == {"latched": True, "mode": "fault"}
+    assert server.http.post("/api/v1/estop/clear").status_code == 503
+    server.http.post("/api/v1/control/restart").raise_for_status()
+    server.wait_for(lambda state: state["mode"] == "estop")
+    assert server.http.patch("/api/v1/command", json={"guidance": True}).status_code == 409

@@ -7,6 +7,7 @@ import httpx
 import pytest
 
 from control.joints import JOINT_COUNT, JOINT_NAMES
+from control.timing import TICK_S
 from server import operator
 from sim.backends.unitree.dds import INSTALL_HINT
 from tests.server.running_server import RunningServer
@@ -99,7 +100,7 @@ def test_reset_goes_back_to_time_zero_and_the_default_command(server: RunningSer
     server.http.patch("/api/v1/command", json={"base_velocity": [0.3, 0, 0]})
     server.http.post("/api/v1/run", json={"state": "paused"})
     assert server.http.post("/api/v1/reset", json=body).status_code == 200
-    assert server.state()["time_s"] == pytest.approx(0.002)
+    assert server.state()["time_s"] == pytest.approx(TICK_S)
     assert server.http.get("/api/v1/command").json()["base_velocity"] == [0.0, 0.0, 0.0]
 
 

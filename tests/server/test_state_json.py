@@ -7,6 +7,7 @@ import pytest
 
 from control.safety import Fault
 from server.answers.state import StateAnswer
+from server.silence import CONTROL_PROCESS_DEAD, CONTROL_PROCESS_SILENT, Silence
 from server.state import SECTIONS, encode, estimator_errors, state_json
 from sim.runtime.snapshot import SNAPSHOT, Mode
 from tests.server.contract import check_fit
@@ -56,11 +57,13 @@ def test_modes_are_named(on_hardware: np.void, mode: Mode) -> None:
     check_fit(StateAnswer, encode(state_json(on_hardware)).decode())
 
 
-def test_a_dead_process_is_a_fault_whatever_its_last_snapshot_says(on_hardware: np.void) -> None:
+@pytest.mark.parametrize("fault", [CONTROL_PROCESS_DEAD, CONTROL_PROCESS_SILENT])
+def test_a_process_that_is_dead_or_hangs_is_a_fault_whatever_its_last_snapshot_says(on_hardware: np.void, fault: str) -> None:
     on_hardware["loop_rate_hz"] = 500.0
-    state = state_json(on_hardware, alive=False)
+    state = state_json(on_hardware, silence=Silence(2.5, fault))
     assert state["mode"] == "fault"
-    assert state["faults"][-1] == "CONTROL_PROCESS_DEAD"
+    assert state["stale_s"] == 2.5
+    assert state["faults"][-1] == fault
     assert state["loop"]["rate_hz"] == 0.0
 
 

@@ -17,6 +17,9 @@ def tour(http: httpx.Client) -> Iterator[httpx.Response]:
     def call(method: str, path: str, body: Any = None, **options: Any) -> httpx.Response:
         return http.request(method, API + path, json=body, **options)
 
+    def call_with_bytes(method: str, path: str, body: bytes) -> httpx.Response:
+        return http.request(method, API + path, content=body, headers={"Content-Type": "application/json"})
+
     for name in ("health", "backend", "controller", "mismatch"):
         yield call("GET", name)
     estimator = call("GET", "estimator")
@@ -50,11 +53,15 @@ def tour(http: httpx.Client) -> Iterator[httpx.Response]:
     yield call("POST", "step", {"ticks": 10})
     yield call("GET", "hardware")
     yield call("POST", "hardware", {"request": "engage"})
+    yield call_with_bytes("PATCH", "command", b"\xff")
+    yield call_with_bytes("PATCH", "command", b"{")
     yield call("PATCH", "command", {"force_n": [0, 0, 55]})
+    yield call("PATCH", "command", {"force_n": [0] * 10_000})
     yield call("POST", "estop", headers=FAR_AWAY)
     yield call("GET", "nothing")
     yield call("PUT", "state")
 
+    yield call("POST", "estop/check")
     yield call("POST", "estop/clear")
     yield call("POST", "estop")
     yield call("PATCH", "command", {"guidance": True})

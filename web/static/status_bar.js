@@ -1,8 +1,8 @@
 /** The facts of the status bar, as the control process reports them. */
 
-const MODE_WORDS = { running: "Running", guidance: "Guidance", paused: "Paused", estop: "E-stop", fault: "Fault", stopped: "Stopped",
+const MODE_WORDS = { running: "Running", guidance: "Guidance", paused: "Paused", estop: "E-stop", fault: "Fault", stopped: "Stopped", silent: "No answer",
   disconnected: "No robot", observe: "Observing", damped: "Damped", standing_up: "Standing up", ready: "Ready", sitting: "Sitting down" };
-const LINK_WORDS = { live: "live", connecting: "connecting", lost: "lost, retrying" };
+const LINK_WORDS = { live: "live", connecting: "connecting", lost: "lost, retrying", refused: "not permitted" };
 
 const element = (id) => document.getElementById(id);
 
@@ -53,7 +53,7 @@ export function showMode(mode) {
   pill.textContent = MODE_WORDS[mode] ?? mode;
 }
 
-/** Show the state of the link to the server: "live", "connecting" or "lost". */
+/** Show the state of the link to the server: a key of LINK_WORDS. */
 export function showLink(link) {
   const target = element("connection");
   if (target.dataset.state === link) return;

@@ -70,6 +70,7 @@ def test_the_margin_shortens_the_way_of_the_centre_of_pressure():
         assert pressure - contacts[2:, 0].mean() == pytest.approx(margin, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_twenty_newtons_on_every_axis_are_borne_whole_wherever_the_hand_is():
     random, margin, places = np.random.default_rng(1), CommandLimits().tip_over_margin_m, 0
     while places < 40:
@@ -91,6 +92,7 @@ def test_a_robot_beyond_its_edge_bears_what_brings_it_back_alone():
     assert feasible_force_scale(-forward, model, np.eye(3), margin_m=0.0) == 1.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("margin_m", "falls"), [(CommandLimits().tip_over_margin_m, False), (-1.0, True)])
 def test_a_force_that_would_tip_the_robot_is_reduced(margin_m: float, falls: bool):
     limits = replace(CommandLimits(), tip_over_margin_m=margin_m)
@@ -103,6 +105,8 @@ def test_a_force_that_would_tip_the_robot_is_reduced(margin_m: float, falls: boo
     faults = Fault.NONE
     for _ in range(2000):
         faults |= session.tick(command).safety.faults
+        if Fault.TILT in faults:
+            break
     assert (Fault.TIP_OVER_LIMIT in faults) != falls
     assert (Fault.TILT in faults) == falls
 

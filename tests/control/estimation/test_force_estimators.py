@@ -15,10 +15,10 @@ from control.estimation.registry import MODEL_BASED_NAMES, EstimatorsConfig, mak
 from control.estimation.wrench_qp import ContactConstraints, WrenchProjectionError, WrenchSolver
 from control.joints import ARM_SLICE, JOINT_COUNT, LEGS, NOMINAL_POSITION
 from control.robot_model import RobotModel
+from control.timing import TICK_S
 from control.types import BaseState, SensorFrame
 from sim.runtime.session import Session, SessionConfig
 
-PERIOD_S = 0.002
 FORCE = np.array([6.0, -5.0, 12.0])
 PUSH_SHARE = {"gmo_pi": 0.65, "gmo_cqp": 0.03, "adaptive": 0.1}
 """Of a force on the base that an estimator may take for one at the hand: the pseudo-inverse spreads it over everything."""
@@ -53,7 +53,7 @@ class StandingRobot:
         self.wheel_forces = np.linalg.lstsq(contacts[:, :6].T, unsupported[:6], rcond=None)[0]
         balance = unsupported - contacts.T @ self.wheel_forces
         torque = balance[model.joint_rows] - self.extra_torque
-        self.time_s += PERIOD_S
+        self.time_s += TICK_S
         sensor = SensorFrame(
             self.time_s,
             np.array([1.0, 0, 0, 0]),
@@ -63,7 +63,7 @@ class StandingRobot:
             np.zeros(JOINT_COUNT),
             torque,
         )
-        return EstimatorInput(model, sensor, BaseState(np.eye(3), zero, zero, 0.36))
+        return EstimatorInput(round(self.time_s / TICK_S) - 1, model, sensor, BaseState(np.eye(3), zero, zero, 0.36))
 
 
 def make(robot: StandingRobot) -> dict[str, ForceEstimator]:
@@ -71,14 +71,14 @@ def make(robot: StandingRobot) -> dict[str, ForceEstimator]:
 
 
 def run(robot: StandingRobot, estimators: dict[str, ForceEstimator], duration_s: float) -> None:
-    for _ in range(round(duration_s / PERIOD_S)):
+    for _ in range(round(duration_s / TICK_S)):
         inputs = robot.tick()
         for estimator in estimators.values():
             estimator.observe(inputs)
 
 
 def wave_arm(robot: StandingRobot, estimators: dict[str, ForceEstimator], duration_s: float) -> None:
-    for _ in range(round(duration_s / PERIOD_S)):
+    for _ in range(round(duration_s / TICK_S)):
         phase = 0.5 * robot.time_s + np.arange(6)
         robot.position[ARM_SLICE] = NOMINAL_POSITION[ARM_SLICE] + 0.4 * np.sin(phase)
         inputs = robot.tick()
@@ -193,7 +193,7 @@ def test_an_unsolved_program_is_stale_and_never_zero() -> None:
     run(robot, {"gmo_cqp": constrained}, 2.0)
     good = constrained.estimate()
     constrained._solver = WrenchSolver(ContactConstraints(), max_iterations=1)
-    run(robot, {"gmo_cqp": constrained}, PERIOD_S)
+    run(robot, {"gmo_cqp": constrained}, TICK_S)
     repeated = constrained.estimate()
     assert repeated.stale and not good.stale
     np.testing.assert_array_equal(repeated.force_estimated_n, good.force_estimated_n)

@@ -8,6 +8,7 @@ import pytest
 from control.joints import NOMINAL_BASE_HEIGHT_M, NOMINAL_POSITION
 from control.policy.observation import EXTENDED_FORM, PAPER_FORM, Observation, advance_phase
 from control.policy.task_memory import TaskMemory, TaskMemoryConfig, TaskSignals
+from control.timing import CONTROL_PERIOD_S
 
 
 def signals(**changes: np.ndarray) -> TaskSignals:
@@ -93,7 +94,7 @@ def test_integrals_grow_to_their_limits_and_end_with_the_mode():
     memory = TaskMemory(TaskMemoryConfig())
     off = signals(position=np.array([0.65, 0.0, 0.5]))
     memory.step(off)
-    assert memory.position_integral[0] == pytest.approx(0.1 * 0.02)
+    assert memory.position_integral[0] == pytest.approx(0.1 * CONTROL_PERIOD_S)
     for _ in range(200):
         memory.step(off)
     assert memory.position_integral[0] == pytest.approx(TaskMemoryConfig().position_limit_ms)

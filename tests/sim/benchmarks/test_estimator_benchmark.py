@@ -109,6 +109,7 @@ def test_rejected_rollouts_are_drawn_again_and_counted(monkeypatch: pytest.Monke
     assert seeds == [PLAN.seed, PLAN.seed + 1, PLAN.seed + 2]
 
 
+@pytest.mark.slow
 def test_a_trial_scores_every_estimator_against_the_force_that_acted(tmp_path: Path) -> None:
     result = run_trial(PLAN)
     assert {"gmo_pi", "gmo_cqp", "adaptive"} <= set(result.scores)

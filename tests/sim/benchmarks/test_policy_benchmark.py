@@ -59,6 +59,7 @@ def test_every_trial_runs_the_stack_that_ships():
     assert tuple(rows[0])[: len(contract)] == contract
 
 
+@pytest.mark.slow
 def test_a_piece_with_pushes_counts_them_and_judges_by_truth():
     piece, errors = play(Piece("pushes", TrialSetup(push_n=15.0), 3, 0.02))
     assert piece.case == "pushes"

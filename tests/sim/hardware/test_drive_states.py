@@ -53,8 +53,9 @@ def test_an_answer_that_names_no_owner_is_no_release(
     rig = make_rig(mode="normal")
     rig.run(0.05)
     monkeypatch.setattr(rig.emulator.base, "_answer", lambda call: RpcResponse(call.service, call.id, call.api_id, code, data))
-    rig.ask(Request.ENGAGE, seconds=6.0)
-    assert rig.state == DriveState.OBSERVE and rig.wire.log == []
+    rig.ask(Request.ENGAGE, seconds=0.01)
+    rig.run(6.0, lambda: not rig.supervisor.engaging)
+    assert rig.state == DriveState.OBSERVE and rig.wire.log == [] and not rig.supervisor.engaging
     assert says in rig.supervisor.message
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from control.joints import JOINT_NAMES, TORQUE_LIMIT
+from control.timing import TICK_S
 from control.types import JointCommand
 from sim.backends.hardware.io.loop import IoLoop
 from sim.backends.hardware.records import IoMemory
@@ -16,8 +17,6 @@ from sim.backends.hardware.states import DriveState, Request, Trip
 from sim.emulator.base_board import COMMAND_TIMEOUT_S
 from sim.emulator.faults import Faults
 from tests.sim.hardware.hardware_rig import Rig
-
-TICK_S = 0.002
 
 
 @pytest.fixture

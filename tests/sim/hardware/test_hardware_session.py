@@ -74,6 +74,7 @@ def standing(bench: Bench) -> Bench:
     return bench
 
 
+@pytest.mark.slow
 def test_guidance_works_on_the_emulated_robot(standing: Bench) -> None:
     robot = standing.rig.emulator.body.backend
     guided = Command(

@@ -8,6 +8,7 @@ import pytest
 from control.command.limits import DEFAULT_COMMAND
 from control.pipeline import Pipeline, PipelineConfig
 from control.safety import Fault
+from control.timing import CONTROL_PERIOD_S
 from control.types import Command, SensorFrame
 from sim.runtime.session import Session, SessionConfig, SessionError
 from sim.runtime.snapshot import SETPOINT, SNAPSHOT, Mode, command_from_record, command_to_record
@@ -44,6 +45,7 @@ def test_the_pipeline_runs_from_a_recorded_sensor_log_alone() -> None:
         np.testing.assert_array_equal(output.hand.force_estimated_n, original.hand.force_estimated_n)
 
 
+@pytest.mark.slow
 def test_the_estimate_follows_an_applied_force_and_returns_to_zero(standing: Session) -> None:
     force = np.array([6.0, -4.0, 8.0])
     standing.add_wrench(force_n=force, duration_s=1.5, ramp_s=0.2)
@@ -69,6 +71,7 @@ def test_all_estimators_run_side_by_side_and_any_can_be_selected(standing: Sessi
         standing.select_estimator(names[0], k1=6.0)
 
 
+@pytest.mark.slow
 def test_the_adaptive_estimator_notices_a_mass_that_nobody_tells_it(standing: Session) -> None:
     standing.reset()
     standing.set_mismatch(1.2)
@@ -78,6 +81,7 @@ def test_the_adaptive_estimator_notices_a_mass_that_nobody_tells_it(standing: Se
     assert np.linalg.norm(standing.output.estimates["adaptive"].force_estimated_n) < 0.5 * fixed_model
 
 
+@pytest.mark.slow
 def test_the_estop_damps_and_outlives_a_reset(standing: Session) -> None:
     standing.estop()
     assert standing.mode is Mode.ESTOP
@@ -125,9 +129,29 @@ def test_a_drag_pulls_while_its_operator_is_alive(standing: Session) -> None:
     np.testing.assert_allclose(snapshot["force_true_n"], 0.0, atol=1e-9)
 
 
+def test_a_base_that_stopped_for_want_of_its_operator_goes_on_only_when_asked_again(standing: Session) -> None:
+    setpoint = np.zeros(1, SETPOINT)[0]
+    command_to_record(replace(DEFAULT_COMMAND, base_velocity=np.array([0.3, 0.0, 0.0])), setpoint["command"])
+    setpoint["sequence"] = 4
+
+    def speed_after(ticks: int, age_s: float) -> float:
+        for _ in range(ticks):
+            standing.tick_setpoint(setpoint, age_s)
+        return float(standing.output.applied_command.base_velocity[0])
+
+    assert speed_after(SECOND, 0.0) > 0.25
+    assert speed_after(SECOND, 2.0) == pytest.approx(0.0, abs=1e-3)
+    assert speed_after(SECOND, 0.0) == pytest.approx(0.0, abs=1e-3)
+    snapshot = np.zeros(1, SNAPSHOT)[0]
+    standing.fill(snapshot)
+    assert not snapshot["command"]["base_velocity"].any()
+    setpoint["sequence"] += 1
+    assert speed_after(SECOND, 0.0) > 0.25
+
+
 def test_a_snapshot_is_complete(standing: Session) -> None:
     snapshot = np.zeros(1, SNAPSHOT)[0]
-    standing.track_errors(0.02)
+    standing.track_errors(CONTROL_PERIOD_S)
     standing.fill(snapshot)
     for name in ("base_position", "joint_position", "end_effector_position", "force_true_n", "wheel_force_true_n"):
         assert np.isfinite(snapshot[name]).all(), name

@@ -21,6 +21,7 @@ from control.joints import (
     WHEEL_RADIUS_M,
 )
 from control.paths import ROBOT_MJCF
+from control.timing import TICK_S
 from sim import scenes
 from sim.backends.simulation.ground_truth import GroundTruthReader
 from sim.backends.simulation.wrenches import Pulse
@@ -59,6 +60,7 @@ def test_nominal_posture_is_within_joint_limits_and_level(robot, standing):
     np.testing.assert_allclose(backend.truth().wheel_contact_positions[:, 2], 0.0, atol=2e-3)
 
 
+@pytest.mark.slow
 def test_reachable_arm_poses_do_not_touch_the_robot():
     """Permanent self-contact would push with forces that no estimator models; real collisions (head, trunk) are rare."""
     model = scenes.build("free").model
@@ -143,3 +145,7 @@ def test_force_reference_at_the_end_effector_reads_the_applied_force(standing):
     np.testing.assert_allclose(readings[0] - readings[1], [3.0, -4.0, 6.0], atol=0.1)
     heading = rotation_heading_to_world(backend.data.body("base").xmat.reshape(3, 3))
     np.testing.assert_allclose(heading @ backend.truth().force_true_n, [3.0, -4.0, 6.0], atol=1e-2)
+
+
+def test_the_simulation_steps_once_per_tick(robot):
+    assert robot.opt.timestep == TICK_S
