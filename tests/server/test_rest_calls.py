@@ -48,26 +48,26 @@ def test_the_state_has_every_part_of_the_contract(server: RunningServer) -> None
 
 def test_a_patch_changes_its_fields_only_and_reaches_the_robot(server: RunningServer) -> None:
     before = strict(server.http.get("/api/v1/command"))
-    applied = strict(server.http.patch("/api/v1/command", json={"mask": [0, 0, 1], "force_n": [0, 0, 12.5]}))
-    assert applied["mask"] == [0, 0, 1]
-    assert applied["force_n"] == [0.0, 0.0, 12.5]
-    assert applied["position_m"] == before["position_m"]
-    assert applied["sequence"] == before["sequence"] + 1
-    assert strict(server.http.get("/api/v1/command")) == applied
-    state = server.wait_for(lambda state: state["command_sequence"] == applied["sequence"])
+    asked = strict(server.http.patch("/api/v1/command", json={"mask": [0, 0, 1], "force_n": [0, 0, 12.5]}))
+    assert asked["mask"] == [0, 0, 1]
+    assert asked["force_n"] == [0.0, 0.0, 12.5]
+    assert asked["position_m"] == before["position_m"]
+    assert asked["sequence"] == before["sequence"] + 1
+    assert strict(server.http.get("/api/v1/command")) == asked
+    state = server.wait_for(lambda state: state["command_sequence"] == asked["sequence"])
     assert state["command"]["force_n"] == [0.0, 0.0, 12.5]
     server.wait_for(lambda state: state["applied_command"]["mask"] == [0, 0, 1])
 
 
 def test_what_lies_out_of_reach_is_clipped_and_the_answer_says_so(server: RunningServer) -> None:
-    applied = strict(server.http.patch("/api/v1/command", json={"position_m": [0.8, 0.35, 0.95]}))
+    asked = strict(server.http.patch("/api/v1/command", json={"position_m": [0.8, 0.35, 0.95]}))
     shoulder, reach = server.operator.limits.shoulder_m, server.operator.limits.reach_m
-    assert math.dist(applied["position_m"], shoulder) == pytest.approx(reach, abs=1e-3)
+    assert math.dist(asked["position_m"], shoulder) == pytest.approx(reach, abs=1e-3)
 
 
 def test_orientations_are_normalised(server: RunningServer) -> None:
-    applied = strict(server.http.patch("/api/v1/command", json={"orientation_wxyz": [0.5, 0.0, 0.5, 0.0]}))
-    assert applied["orientation_wxyz"] == pytest.approx([math.sqrt(0.5), 0.0, math.sqrt(0.5), 0.0])
+    asked = strict(server.http.patch("/api/v1/command", json={"orientation_wxyz": [0.5, 0.0, 0.5, 0.0]}))
+    assert asked["orientation_wxyz"] == pytest.approx([math.sqrt(0.5), 0.0, math.sqrt(0.5), 0.0])
 
 
 def test_an_empty_patch_answers_the_command(server: RunningServer) -> None:
