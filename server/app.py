@@ -18,8 +18,9 @@ from server.credentials import Credentials
 from server.docs_page import docs_page
 from server.errors import InvalidFieldError, ServerError
 from server.event_channel import MAX_PENDING
+from server.head import HeadAsGet
 from server.operator import Operator
-from server.responses import json_response
+from server.responses import ANY_CALL, json_response
 from server.routes import ROUTERS
 from server.security_headers import SecurityHeaders
 from server.validation import invalid_fields
@@ -40,13 +41,22 @@ def create_app(operator: Operator, *, scene: ViserDoor, credentials: Credentials
         credentials: what every request must prove itself by, None for nothing.
     """
     build = build_info()
-    app = FastAPI(title="Forcelens", version=build.version, docs_url=None, redoc_url=None, lifespan=_lifespan)
+    app = FastAPI(
+        title="Forcelens",
+        version=build.version,
+        docs_url=None,
+        redoc_url=None,
+        lifespan=_lifespan,
+        responses=ANY_CALL,
+        generate_unique_id_function=lambda route: route.name,
+    )
     app.state.build = build
     app.state.operator = operator
     app.state.encoder = stream.SnapshotEncoder(operator.client)
     app.state.scene = scene
     app.add_exception_handler(RequestValidationError, _invalid_request)
     app.add_exception_handler(ServerError, _refused)
+    app.add_exception_handler(Exception, _failed)
     for router in ROUTERS:
         app.include_router(router)
     app.include_router(stream.router)
@@ -57,6 +67,7 @@ def create_app(operator: Operator, *, scene: ViserDoor, credentials: Credentials
     app.add_middleware(BodyLimit)
     app.add_middleware(AccessControl, credentials=credentials)
     app.add_middleware(SecurityHeaders)
+    app.add_middleware(HeadAsGet)
     return app
 
 
@@ -91,3 +102,8 @@ async def _refused(_: Request, error: Exception) -> Response:
     if isinstance(error, InvalidFieldError):
         return json_response({"detail": [error.detail()]}, 422)
     return json_response({"detail": str(error)}, error.status)
+
+
+async def _failed(_: Request, error: Exception) -> Response:
+    """After this answer the error goes on to the log, with its traceback."""
+    return json_response({"detail": f"a defect in this call ({type(error).__name__}); the console's log tells more"}, 500)

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
+from server.answers.selection import BackendName, RobotOptions
 from server.errors import InvalidFieldError
 from sim.backends.hardware.backend import HardwareBackend
 from sim.backends.hardware.config import HardwareConfig
@@ -20,7 +21,7 @@ class BackendChoice:
     hardware: HardwareConfig | None = None
 
     @property
-    def name(self) -> str:
+    def name(self) -> BackendName:
         """As in REST."""
         return "simulation" if self.hardware is None else "hardware"
 
@@ -30,7 +31,7 @@ class BackendChoice:
             return {"make_session": Simulation, "paused": paused}
         return {"make_session": partial(_robot_session, hardware=self.hardware), "paused": False}
 
-    def options(self) -> dict[str, Any]:
+    def options(self) -> RobotOptions:
         """As in REST."""
         if self.hardware is None:
             return {}

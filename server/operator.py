@@ -98,7 +98,7 @@ class Operator:
             return self._command, self._sequence
 
     def patch_command(self, **fields: Any) -> tuple[Command, int]:
-        """Change the given fields of the command; answers like `command`.
+        """Ask for other values of the given fields of the command; answers like `command`.
 
         Raises:
             InvalidFieldError: names the field and its range; nothing changes.

@@ -1,6 +1,6 @@
 """A SNAPSHOT record as the JSON object of `GET /api/v1/state` and the stream, section by section.
 
-What is not available is null, never NaN and never zero.
+server.answers.state tells what each section means. What is not available is null, never NaN and never zero.
 """
 
 import math
@@ -13,15 +13,12 @@ import numpy as np
 from control.joints import JOINT_NAMES, LEGS
 from control.safety import Fault
 from control.types import Command
+from server.answers.command import CommandAnswer, CommandFields
+from server.answers.state import Base, Contact, Drive, EndEffector, Joints, Loop
+from server.pacing import LOOP_OVERRUNS, OVERRUN_SHARE_LIMIT
 from server.silence import NO_SILENCE, Silence
 from sim.backends.hardware.states import DriveState, Trip, describe
 from sim.runtime.snapshot import Mode, on_hardware
-
-LOOP_OVERRUNS = "LOOP_OVERRUNS"
-OVERRUN_SHARE_LIMIT = 0.05
-"""More missed deadlines than this, and the loop does not keep its rate."""
-
-Json = dict[str, Any]
 
 
 def _vector(values: np.ndarray) -> list[float] | None:
@@ -39,8 +36,8 @@ def faults(record: np.void) -> list[str]:
     return names if record["overrun_share"] < OVERRUN_SHARE_LIMIT else [*names, LOOP_OVERRUNS]
 
 
-def command_fields(record: np.void) -> Json:
-    """A COMMAND record as the JSON object of `GET /api/v1/command`."""
+def command_fields(record: np.void) -> CommandFields:
+    """A COMMAND record as the state shows it."""
     return {
         "mask": record["mask"].tolist(),
         "force_n": record["force_n"].tolist(),
@@ -51,10 +48,10 @@ def command_fields(record: np.void) -> Json:
     }
 
 
-def command_json(command: Command, sequence: int) -> Json:
+def command_json(command: Command, sequence: int) -> CommandAnswer:
     """A command and its sequence number as the answer of `/api/v1/command`."""
     return {
-        "mask": [int(item) for item in command.mask],
+        "mask": [1 if item else 0 for item in command.mask],
         "force_n": command.force_n.tolist(),
         "position_m": command.position_m.tolist(),
         "orientation_wxyz": command.orientation_wxyz.tolist(),
@@ -64,7 +61,7 @@ def command_json(command: Command, sequence: int) -> Json:
     }
 
 
-def _base(record: np.void) -> Json:
+def _base(record: np.void) -> Base:
     return {
         "position_m": _vector(record["base_position"]),
         "orientation_wxyz": _vector(record["base_orientation_wxyz"]),
@@ -73,9 +70,9 @@ def _base(record: np.void) -> Json:
     }
 
 
-def _joints(record: np.void) -> Json:
+def _joints(record: np.void) -> Joints:
     return {
-        "names": JOINT_NAMES,
+        "names": list(JOINT_NAMES),
         "position": record["joint_position"].tolist(),
         "velocity": record["joint_velocity"].tolist(),
         "torque": record["joint_torque"].tolist(),
@@ -86,7 +83,7 @@ def _estimators(record: np.void) -> Iterable[tuple[str, int]]:
     return ((name.decode(), index) for index, name in enumerate(record["estimator_names"]) if name)
 
 
-def _end_effector(record: np.void) -> Json:
+def _end_effector(record: np.void) -> EndEffector:
     return {
         "position_m": _vector(record["end_effector_position"]),
         "orientation_wxyz": _vector(record["end_effector_orientation_wxyz"]),
@@ -97,7 +94,7 @@ def _end_effector(record: np.void) -> Json:
     }
 
 
-def _contacts(record: np.void) -> list[Json]:
+def _contacts(record: np.void) -> list[Contact]:
     return [
         {
             "wheel": leg,
@@ -109,7 +106,7 @@ def _contacts(record: np.void) -> list[Json]:
     ]
 
 
-def _drive(record: np.void) -> Json | None:
+def _drive(record: np.void) -> Drive | None:
     """State of a robot's drives; None in simulation."""
     if not on_hardware(record):
         return None
@@ -121,7 +118,7 @@ def _drive(record: np.void) -> Json | None:
     }
 
 
-def loop_json(record: np.void) -> Json:
+def loop_json(record: np.void) -> Loop:
     """How the control loop keeps time."""
     return {
         "rate_hz": float(record["loop_rate_hz"]),
@@ -169,7 +166,7 @@ ALWAYS = ("sequence", "time_s", "mode", "faults")
 """Sections that every stream carries, so that a reader can see skips and stops."""
 
 
-def state_json(record: np.void, fields: Iterable[str] = SECTIONS, *, silence: Silence = NO_SILENCE) -> Json:
+def state_json(record: np.void, fields: Iterable[str] = SECTIONS, *, silence: Silence = NO_SILENCE) -> dict[str, Any]:
     """The chosen sections of a snapshot; of a silent control process it is the last one, marked as a fault."""
     state = {name: SECTIONS[name](record) for name in fields}
     if "stale_s" in state:

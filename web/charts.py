@@ -1,4 +1,4 @@
-"""Live charts of commanded, estimated and true force, one per heading axis, with the estimate's uncertainty as a band."""
+"""Charts of commanded (as applied), estimated and true force per heading axis, with the estimate's uncertainty as a band."""
 
 import time
 

@@ -67,7 +67,7 @@ class GrabHandle:
 class TargetGizmo:
     """Moves the hand's position target along the heading axes. Axes under force control cannot be moved.
 
-    The gizmo stands at the target as asked; a small ball shows the target that is applied after limits and slew.
+    The gizmo stands at the target as asked; a small ball shows the target as applied, after limits and rate limits.
     """
 
     def __init__(self, server: viser.ViserServer, sink: ConsoleSink) -> None:

@@ -1,4 +1,4 @@
-"""Force arrows at the hand: commanded, estimated, true, and on demand the estimates that are not selected.
+"""Force arrows at the hand: commanded (as applied), estimated, true, and on demand the estimates that are not selected.
 
 They stand side by side, so that equal forces stay visible as several arrows instead of hiding each other. Every arrow
 is the force of the environment on the robot.

@@ -5,11 +5,12 @@ import time
 
 from fastapi import APIRouter, Response
 
+from server.answers.safety import EstopAnswer, EstopCheckAnswer
 from server.control_client import CALL_TIMEOUT_S
 from server.dependencies import TheOperator
 from server.errors import ControlTimeoutError
 from server.operator import Operator
-from server.responses import answers, json_response
+from server.responses import json_response, refusals
 from sim.runtime.snapshot import Mode
 
 POLL_S = 0.002
@@ -19,7 +20,7 @@ ROBOT_AFTER_S = 0.2
 router = APIRouter(prefix="/api/v1/estop", tags=["safety"])
 
 
-@router.post("", responses=answers({"latched": True, "mode": "estop"}))
+@router.post("", response_model=EstopAnswer, responses=refusals(503))
 async def estop(operator: TheOperator) -> Response:
     """Latch the e-stop. The answer carries the state that the backend reports.
 
@@ -40,14 +41,14 @@ async def estop(operator: TheOperator) -> Response:
     return json_response({"latched": mode is Mode.ESTOP, "mode": mode.name.lower()})
 
 
-@router.post("/check", responses=answers({"may_stop": True}, refusable=False))
-async def check() -> Response:
+@router.post("/check", response_model=EstopCheckAnswer)
+async def check_estop() -> Response:
     """Whether this caller may press the e-stop: refused like it, and nothing changes. A page asks before it says "live"."""
     return json_response({"may_stop": True})
 
 
-@router.post("/clear", responses=answers({"latched": False, "mode": "running"}))
-def clear(operator: TheOperator) -> Response:
+@router.post("/clear", response_model=EstopAnswer, responses=refusals(409, 503))
+def clear_estop(operator: TheOperator) -> Response:
     """Clear the e-stop; the robot stands up from where it is, with the default command."""
     return json_response(operator.clear_estop())
 

@@ -57,7 +57,7 @@ SNAPSHOT = np.dtype(
         ("estimator", NAME),
         ("command_sequence", "u8"),  # of the newest set-point that took effect
         ("command", COMMAND),  # as asked
-        ("applied_command", COMMAND),  # after limits, slew and guidance
+        ("applied_command", COMMAND),  # as applied: after guidance, limits, the tip-over limit and rate limits
         ("base_position", "f8", 3),  # in world; truth in simulation, odometry on hardware
         ("base_orientation_wxyz", "f8", 4),
         ("base_linear_velocity", "f8", 3),  # in heading, estimated

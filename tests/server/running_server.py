@@ -19,6 +19,7 @@ from server.control_client import ControlClient
 from server.control_process import ControlLaunch
 from server.operator import Operator
 from server.web_server import uvicorn_config
+from tests.server.contract import check_answer
 from web.viser_door import Connection, ViserDoor
 
 SCENE_PROTOCOL = websockets.Subprotocol("viser-test")
@@ -56,10 +57,15 @@ def running_server() -> Iterator[RunningServer]:
         operator = Operator(client, launch)
         client.wait_ready()
         app = create_app(operator, scene=scene)
-        with _served(app) as port, httpx.Client(base_url=f"http://127.0.0.1:{port}", timeout=30.0) as http:
+        with _served(app) as port, _client(port) as http:
             running = RunningServer(port, operator, http)
             running.wait_for(lambda state: state.get("time_s", 0.0) > 0.0)
             yield running
+
+
+def _client(port: int) -> httpx.Client:
+    """Holds every answer of every test against its schema."""
+    return httpx.Client(base_url=f"http://127.0.0.1:{port}", timeout=30.0, event_hooks={"response": [check_answer]})
 
 
 @contextmanager

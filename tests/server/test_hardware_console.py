@@ -15,6 +15,7 @@ import pytest
 from sim.emulator.process import EmulatorProcess
 from tests.console_process import ConsoleProcess
 from tests.dds_domain import dds_domain
+from tests.server.contract import check_answer
 
 pytestmark = [pytest.mark.hardware, pytest.mark.realtime]
 PATIENCE_S = 40.0
@@ -32,7 +33,7 @@ class Console(ConsoleProcess):
 
     def __init__(self, *arguments: str) -> None:
         super().__init__(*arguments)
-        self.http = httpx.Client(base_url=f"{self.address}/api/v1/", timeout=60.0)
+        self.http = httpx.Client(base_url=f"{self.address}/api/v1/", timeout=60.0, event_hooks={"response": [check_answer]})
 
     def call(self, method: str, path: str, body: dict[str, Any] | None = None) -> Any:
         response = self.http.request(method, path, json=body)

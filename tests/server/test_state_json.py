@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from control.safety import Fault
+from server.answers.state import StateAnswer
 from server.silence import CONTROL_PROCESS_DEAD, CONTROL_PROCESS_SILENT, Silence
 from server.state import SECTIONS, encode, estimator_errors, state_json
 from sim.runtime.snapshot import SNAPSHOT, Mode
+from tests.server.contract import check_fit
 
 
 @pytest.fixture
@@ -59,6 +61,7 @@ def test_a_loop_that_does_not_keep_its_rate_is_a_fault(on_hardware: np.void, sha
 def test_modes_are_named(on_hardware: np.void, mode: Mode) -> None:
     on_hardware["mode"] = mode
     assert state_json(on_hardware)["mode"] == mode.name.lower()
+    check_fit(StateAnswer, encode(state_json(on_hardware)).decode())
 
 
 @pytest.mark.parametrize("fault", [CONTROL_PROCESS_DEAD, CONTROL_PROCESS_SILENT])
@@ -69,6 +72,16 @@ def test_a_process_that_is_dead_or_hangs_is_a_fault_whatever_its_last_snapshot_s
     assert state["stale_s"] == 2.5
     assert state["faults"][-1] == fault
     assert state["loop"]["rate_hz"] == 0.0
+
+
+@pytest.mark.parametrize("unknown", [np.nan, np.inf])
+def test_whatever_cannot_be_measured_or_estimated_is_null_by_the_schema(on_hardware: np.void, unknown: float) -> None:
+    signals = ("base_", "joint_", "end_effector_", "force_", "wheel_force_", "mass_scale_")
+    for name in SNAPSHOT.names or ():
+        if name.startswith(signals):
+            on_hardware[name] = unknown
+    on_hardware["backend"] = "hardware"
+    check_fit(StateAnswer, encode(state_json(on_hardware)).decode())
 
 
 def test_whatever_is_not_finite_is_no_json(on_hardware: np.void) -> None:
