@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from control.pipeline import TICK_S
+from control.timing import TICK_S
 from server.messages import Event, Outcome
 from server.session_events import EventError
 
