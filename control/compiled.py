@@ -56,16 +56,26 @@ CACHE = cache_directory()
 _TOOLCHAIN = toolchain()
 _digests: dict[Callable[..., Any], str] = {}
 
+_NAMES = vars(numba.types) | {
+    "vector": numba.types.Array(numba.types.float64, 1, "A", readonly=True),
+    "matrix": numba.types.Array(numba.types.float64, 2, "A", readonly=True),
+}
 
-def kernel(*signatures: str) -> Callable[[_Function], _Function]:
-    """Decorator `@kernel("f8[::1](f8[:,::1], f8[::1])")`: compiled with exactly these numba signatures.
 
-    No fastmath: results repeat bit for bit on one machine. Division by zero gives inf or nan as in numpy.
-    Constants and arrays of the module are compiled in; arrays that are marked read-only cannot be arguments.
+def kernel(*signatures: str, **records: np.dtype) -> Callable[[_Function], _Function]:
+    """Decorator `@kernel("f8[::1](f8[:,::1], Gains[::1])", Gains=GAINS)`: compiled with exactly these numba signatures.
+
+    No fastmath: results repeat bit for bit on one machine. Division by zero gives inf or nan as in numpy. Constants and
+    arrays of the module are compiled in.
+
+    Args:
+        signatures: in numba's words, with `vector` and `matrix` for arrays of float64 of any layout that are only read.
+        records: layout (control.records) of each record that a signature names.
 
     Raises:
         KernelError: the function reads what is neither a constant nor a kernel.
     """
+    names = _NAMES | {name: numba.from_dtype(layout) for name, layout in records.items()}
 
     def decorate(function: _Function) -> _Function:
         if numba.config.DISABLE_JIT:
@@ -79,7 +89,8 @@ def kernel(*signatures: str) -> Callable[[_Function], _Function]:
             folder.mkdir(exist_ok=True)
             os.utime(folder)  # in use: control.compile_all removes what is not
             numba.config.CACHE_DIR = str(folder)
-        return numba.njit(list(signatures), cache=CACHE is not None, error_model="numpy")(function)
+        types = [eval(signature, {}, names) for signature in signatures]
+        return numba.njit(types, cache=CACHE is not None, error_model="numpy")(function)
 
     return decorate
 

@@ -1,0 +1,69 @@
+"""Small vectors, rotations and linear systems inside compiled laws: no library call, no temporary array."""
+
+import math
+
+import numpy as np
+
+from control.compiled import kernel
+
+Triple = tuple[float, float, float]
+
+
+@kernel("f8(f8, f8, f8)")
+def clip(value: float, low: float, high: float) -> float:
+    """`value`, or the end of [low, high] beyond which it lies."""
+    return min(max(value, low), high)
+
+
+@kernel("UniTuple(f8, 3)(matrix, vector)")
+def rotate(rotation: np.ndarray, vector: np.ndarray) -> Triple:
+    """R v of a matrix (3, 3) and a vector (3,)."""
+    r, v = rotation, vector
+    return (
+        r[0, 0] * v[0] + r[0, 1] * v[1] + r[0, 2] * v[2],
+        r[1, 0] * v[0] + r[1, 1] * v[1] + r[1, 2] * v[2],
+        r[2, 0] * v[0] + r[2, 1] * v[1] + r[2, 2] * v[2],
+    )
+
+
+@kernel("UniTuple(f8, 3)(matrix, vector)")
+def rotate_back(rotation: np.ndarray, vector: np.ndarray) -> Triple:
+    """R^T v of a matrix (3, 3) and a vector (3,)."""
+    r, v = rotation, vector
+    return (
+        r[0, 0] * v[0] + r[1, 0] * v[1] + r[2, 0] * v[2],
+        r[0, 1] * v[0] + r[1, 1] * v[1] + r[2, 1] * v[2],
+        r[0, 2] * v[0] + r[1, 2] * v[1] + r[2, 2] * v[2],
+    )
+
+
+@kernel("b1(f8[:,::1], f8[::1])")
+def solve_positive(matrix: np.ndarray, vector: np.ndarray) -> bool:
+    """Solve A x = b in place by Cholesky's factors A = L L^T; False where A is not positive definite.
+
+    Args:
+        matrix: (n, n) A, symmetric; its lower triangle is read and becomes L.
+        vector: (n,) b, becomes x.
+    """
+    size = len(vector)
+    for j in range(size):
+        pivot = matrix[j, j]
+        for k in range(j):
+            pivot -= matrix[j, k] * matrix[j, k]
+        if not pivot > 0.0:
+            return False
+        root = math.sqrt(pivot)
+        matrix[j, j] = root
+        for i in range(j + 1, size):
+            rest = matrix[i, j]
+            for k in range(j):
+                rest -= matrix[i, k] * matrix[j, k]
+            matrix[i, j] = rest / root
+        for k in range(j):
+            vector[j] -= matrix[j, k] * vector[k]
+        vector[j] /= root
+    for j in range(size - 1, -1, -1):
+        for k in range(j + 1, size):
+            vector[j] -= matrix[k, j] * vector[k]
+        vector[j] /= matrix[j, j]
+    return True
