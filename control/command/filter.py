@@ -1,12 +1,124 @@
 """Rate limiting of the command, so that a jump of what is asked never yanks the robot."""
 
-from dataclasses import replace
+import math
 
 import numpy as np
 
-from control.command.limits import DEFAULT_COMMAND, CommandLimits, HandState
+from control.command.command_record import COMMAND, commands, from_record, to_record
+from control.command.limits import LIMITS, CommandLimits, HandState, limits_record
+from control.compiled import kernel
 from control.frames import quaternion_from_rotation, quaternion_multiply
+from control.records import record
+from control.small_algebra import clip
 from control.types import Command
+
+FILTER_STATE = record(applied=COMMAND, velocity=3, turn_rate=())
+"""References as applied, the velocity of the position reference (m/s) and the rate of the orientation reference (rad/s)."""
+
+
+@kernel("f8(f8, f8, f8, f8)")
+def _braking_speed(distance: float, limit: float, acceleration: float, dt_s: float) -> float:
+    """Fastest speed from which a stop within `distance` is still possible, v = sqrt(2 a d), with 0.7 of a in reserve.
+
+    In one period no farther than the target: discrete steps would pass it.
+    """
+    return min(limit, math.sqrt(1.4 * acceleration * distance), distance / dt_s)
+
+
+@kernel("void(Limits, Command, vector, f8, State)", Limits=LIMITS, Command=COMMAND, State=FILTER_STATE)
+def _move(limits: np.record, asked: np.record, hand_position: np.ndarray, dt_s: float, state: np.record) -> None:
+    """Move the position reference at limited speed and acceleration; on force axes it follows the hand (3,), m."""
+    applied, velocity = state.applied, state.velocity
+    acceleration = limits.position_acceleration_mps2
+    error, change = np.zeros(3), np.empty(3)
+    for i in range(3):
+        if asked.mask[i] < 0.5:
+            error[i] = asked.position_m[i] - applied.position_m[i]
+    distance = math.sqrt(error[0] ** 2 + error[1] ** 2 + error[2] ** 2)
+    speed = _braking_speed(distance, limits.position_speed_mps, acceleration, dt_s)
+    for i in range(3):
+        change[i] = (speed / distance * error[i] if distance > 0.0 else 0.0) - velocity[i]
+    size = math.sqrt(change[0] ** 2 + change[1] ** 2 + change[2] ** 2)
+    share = min(1.0, acceleration * dt_s / max(size, 1e-9))
+    for i in range(3):
+        if asked.mask[i] < 0.5:
+            velocity[i] += share * change[i]
+            applied.position_m[i] += velocity[i] * dt_s
+        else:
+            velocity[i] = 0.0
+            applied.position_m[i] = hand_position[i]
+
+
+@kernel("void(Limits, vector, f8, State)", Limits=LIMITS, State=FILTER_STATE)
+def _turn(limits: np.record, asked: np.ndarray, dt_s: float, state: np.record) -> None:
+    """Turn the orientation reference the shortest way towards the quaternion asked for (4,) wxyz, at limited rate."""
+    orientation = state.applied.orientation_wxyz
+    acceleration = limits.orientation_acceleration_rps2
+    conjugate = np.array([orientation[0], -orientation[1], -orientation[2], -orientation[3]])
+    relative = quaternion_multiply(asked, conjugate)
+    if relative[0] < 0.0:
+        relative = -relative
+    sine = math.sqrt(relative[1] ** 2 + relative[2] ** 2 + relative[3] ** 2)
+    angle = 2.0 * math.atan2(sine, relative[0])
+    speed = _braking_speed(angle, limits.orientation_speed_rps, acceleration, dt_s)
+    state.turn_rate += clip(speed - state.turn_rate, -acceleration * dt_s, acceleration * dt_s)
+    turned = asked * 1.0
+    if sine >= 1e-9:
+        turn = min(state.turn_rate * dt_s, angle)
+        factor = math.sin(turn / 2.0) / sine
+        step = np.array([math.cos(turn / 2.0), factor * relative[1], factor * relative[2], factor * relative[3]])
+        turned = quaternion_multiply(step, orientation)
+        turned /= math.sqrt(turned[0] ** 2 + turned[1] ** 2 + turned[2] ** 2 + turned[3] ** 2)
+    for i in range(4):
+        orientation[i] = turned[i]
+
+
+@kernel("void(Limits, Command, vector, vector, f8, State)", Limits=LIMITS, Command=COMMAND, State=FILTER_STATE)
+def _filter(
+    limits: np.record,
+    asked: np.record,
+    hand_position: np.ndarray,
+    force_estimated_n: np.ndarray,
+    dt_s: float,
+    state: np.record,
+) -> None:
+    """Move one robot's references; force and base velocity change by at most their rates times `dt_s`."""
+    applied = state.applied
+    for i in range(3):
+        change = limits.force_rate_nps * dt_s
+        if asked.mask[i] < 0.5:
+            applied.force_n[i] = 0.0
+        else:
+            start = force_estimated_n[i] if applied.mask[i] < 0.5 else applied.force_n[i]
+            applied.force_n[i] = start + clip(asked.force_n[i] - start, -change, change)
+        change = limits.velocity_acceleration[i] * dt_s
+        applied.base_velocity[i] += clip(asked.base_velocity[i] - applied.base_velocity[i], -change, change)
+        applied.mask[i] = asked.mask[i]
+    _move(limits, asked, hand_position, dt_s, state)
+    _turn(limits, asked.orientation_wxyz, dt_s, state)
+
+
+@kernel("void(Limits[::1], Command[::1], matrix, matrix, f8, State[::1])", Limits=LIMITS, Command=COMMAND, State=FILTER_STATE)
+def filter_commands(
+    limits: np.ndarray,
+    asked: np.ndarray,
+    hand_positions: np.ndarray,
+    forces_estimated_n: np.ndarray,
+    dt_s: float,
+    states: np.ndarray,
+) -> None:
+    """Move the references of n robots by one period `dt_s`, each as CommandFilter does.
+
+    Args:
+        limits: LIMITS (1,).
+        asked: COMMAND (n,), within the limits.
+        hand_positions: (n, 3) m, measured, in heading.
+        forces_estimated_n: (n, 3) N, in heading.
+        dt_s: period of the caller.
+        states: FILTER_STATE (n,), moved on.
+    """
+    for robot in range(len(states)):
+        _filter(limits[0], asked[robot], hand_positions[robot], forces_estimated_n[robot], dt_s, states[robot])
 
 
 class CommandFilter:
@@ -22,9 +134,8 @@ class CommandFilter:
 
     def reset(self) -> None:
         """Start again from rest at the hand that the next step measures."""
-        self._applied: Command | None = None
-        self._velocity = np.zeros(3)
-        self._turn_rate = 0.0
+        self._state = np.zeros(1, FILTER_STATE)
+        self._started = False
 
     def step(self, command: Command, hand: HandState, dt_s: float) -> Command:
         """The references to apply for the next `dt_s`.
@@ -34,65 +145,12 @@ class CommandFilter:
             hand: measured hand, for starting and for changes of mode.
             dt_s: period of the caller.
         """
-        last = self._applied
-        if last is None:
-            orientation = quaternion_from_rotation(hand.rotation_to_heading)
-            last = replace(
-                DEFAULT_COMMAND,
-                mask=np.zeros(3),
-                position_m=hand.position_in_heading,
-                orientation_wxyz=orientation,
-            )
-        on_force = command.mask > 0.5
-        entering = on_force & (last.mask < 0.5)
-        force = np.where(entering, hand.force_estimated_n, last.force_n)
-        self._applied = Command(
-            mask=command.mask,
-            force_n=np.where(on_force, _approach(force, command.force_n, self.limits.force_rate_nps * dt_s), 0.0),
-            position_m=self._move(last.position_m, command.position_m, on_force, hand.position_in_heading, dt_s),
-            orientation_wxyz=self._turn(last.orientation_wxyz, command.orientation_wxyz, dt_s),
-            base_velocity=_approach(
-                last.base_velocity, command.base_velocity, np.array(self.limits.velocity_acceleration) * dt_s
-            ),
-            guidance=command.guidance,
-        )
-        return self._applied
-
-    def _move(
-        self, last: np.ndarray, target: np.ndarray, on_force: np.ndarray, measured: np.ndarray, dt_s: float
-    ) -> np.ndarray:
-        acceleration = self.limits.position_acceleration_mps2
-        error = np.where(on_force, 0.0, target - last)
-        distance = float(np.linalg.norm(error))
-        speed = _braking_speed(distance, self.limits.position_speed_mps, acceleration, dt_s)
-        change = (speed / distance * error if distance > 0.0 else 0.0) - self._velocity
-        size = float(np.linalg.norm(change))
-        self._velocity = self._velocity + change * min(1.0, acceleration * dt_s / max(size, 1e-9))
-        self._velocity[on_force] = 0.0
-        return np.where(on_force, measured, last + self._velocity * dt_s)
-
-    def _turn(self, last: np.ndarray, target: np.ndarray, dt_s: float) -> np.ndarray:
-        acceleration = self.limits.orientation_acceleration_rps2
-        relative = quaternion_multiply(target, last * [1.0, -1.0, -1.0, -1.0])
-        if relative[0] < 0.0:
-            relative = -relative
-        sine = float(np.linalg.norm(relative[1:]))
-        angle = 2.0 * float(np.arctan2(sine, relative[0]))
-        speed = _braking_speed(angle, self.limits.orientation_speed_rps, acceleration, dt_s)
-        self._turn_rate += float(np.clip(speed - self._turn_rate, -acceleration * dt_s, acceleration * dt_s))
-        turn = min(self._turn_rate * dt_s, angle)
-        if sine < 1e-9:
-            return target
-        step = np.concatenate([[np.cos(turn / 2.0)], np.sin(turn / 2.0) / sine * relative[1:]])
-        turned = quaternion_multiply(step, last)
-        return turned / np.linalg.norm(turned)
-
-
-def _braking_speed(distance: float, limit: float, acceleration: float, dt_s: float) -> float:
-    """Fastest speed from which a stop within `distance` is still possible, a little early for the discrete steps."""
-    return min(limit, float(np.sqrt(1.4 * acceleration * distance)), distance / dt_s)
-
-
-def _approach(value: np.ndarray, target: np.ndarray, step: float | np.ndarray) -> np.ndarray:
-    """`value` moved towards `target` by at most `step` per element."""
-    return value + np.clip(target - value, -step, step)
+        if not self._started:
+            self._started = True
+            start = commands(1)
+            start["position_m"] = hand.position_in_heading
+            start["orientation_wxyz"] = quaternion_from_rotation(hand.rotation_to_heading)
+            self._state["applied"] = start
+        position, force = hand.position_in_heading[None], hand.force_estimated_n[None]
+        filter_commands(limits_record(self.limits), to_record(command), position, force, dt_s, self._state)
+        return from_record(self._state["applied"].copy(), command.guidance)

@@ -7,11 +7,16 @@ A soft centring force brings the hand back to a comfortable place before the bas
 stretches out.
 """
 
-from dataclasses import dataclass, replace
+import math
+from dataclasses import dataclass
 
 import numpy as np
 
+from control.command.command_record import COMMAND, from_record, to_record
 from control.command.limits import DEFAULT_COMMAND, HandState
+from control.compiled import kernel
+from control.records import config_record, packed, record
+from control.small_algebra import clip
 from control.types import Command
 
 
@@ -43,17 +48,114 @@ class GuidanceConfig:
     glide_mps: float = 0.15
 
 
+GUIDANCE = config_record(GuidanceConfig(), comfortable_m=3)
+"""The numbers of GuidanceConfig, and the comfortable place of the hand in heading: that of the default command."""
+
+GUIDANCE_STATE = record(force_n=3, rest_m=3)
+"""Smoothed force on the hand, and the rest position of the centring spring, in heading."""
+
+
+@kernel("void(Guidance, vector, f8[:])", Guidance=GUIDANCE)
+def base_velocity(config: np.record, force_n: np.ndarray, out: np.ndarray) -> None:
+    """Base velocity (3,) [m/s, 0, rad/s] for a smoothed force (3,), N, on the hand, heading frame.
+
+    v = clip(k_v e f_x, +-v_max), w = clip(k_w e f_y, +-w_max), where e is the share of the planar force beyond the dead band.
+    """
+    size = math.hypot(force_n[0], force_n[1])
+    excess = max(0.0, size - config.dead_band_n) / max(size, 1e-9)
+    out[0] = clip(config.forward_gain * excess * force_n[0], -config.forward_limit_mps, config.forward_limit_mps)
+    out[1] = 0.0
+    out[2] = clip(config.yaw_gain * excess * force_n[1], -config.yaw_limit_rps, config.yaw_limit_rps)
+
+
+@kernel("void(Guidance, vector, f8[:])", Guidance=GUIDANCE)
+def centring_force(config: np.record, displacement_m: np.ndarray, out: np.ndarray) -> None:
+    """Force (3,), N, at which the hand rests when led by a displacement (3,), m, from the spring's rest position.
+
+    f = k d up to the stretch s, from there on (k s + k_s (|d| - s)) d / |d|.
+    """
+    distance = math.sqrt(displacement_m[0] ** 2 + displacement_m[1] ** 2 + displacement_m[2] ** 2)
+    factor = config.centring_stiffness
+    if distance > config.stretch_m:
+        beyond = config.stretch_stiffness * (distance - config.stretch_m)
+        factor = (config.centring_stiffness * config.stretch_m + beyond) / distance
+    for i in range(3):
+        out[i] = factor * displacement_m[i]
+
+
+@kernel("void(Guidance, vector, vector, f8, State, Command)", Guidance=GUIDANCE, State=GUIDANCE_STATE, Command=COMMAND)
+def _follow(
+    config: np.record,
+    hand_position: np.ndarray,
+    force_estimated_n: np.ndarray,
+    dt_s: float,
+    state: np.record,
+    command: np.record,
+) -> None:
+    """Let one command follow the hand: the force is low-passed, the spring's rest position glides to the comfortable place."""
+    newest = min(1.0, dt_s / config.smoothing_s)
+    away, displacement = np.empty(3), np.empty(3)
+    for i in range(3):
+        state.force_n[i] += newest * (force_estimated_n[i] - state.force_n[i])
+        away[i] = config.comfortable_m[i] - state.rest_m[i]
+    distance = math.sqrt(away[0] ** 2 + away[1] ** 2 + away[2] ** 2)
+    step = min(1.0, config.glide_mps * dt_s / max(distance, 1e-12))
+    for i in range(3):
+        state.rest_m[i] += step * away[i]
+        displacement[i] = hand_position[i] - state.rest_m[i]
+        command.mask[i] = 1.0
+        command.position_m[i] = hand_position[i]
+    base_velocity(config, state.force_n, command.base_velocity)
+    centring_force(config, displacement, command.force_n)
+
+
+@kernel(
+    "void(Guidance[::1], i8[:], matrix, matrix, f8, State[::1], Command[::1])",
+    Guidance=GUIDANCE,
+    State=GUIDANCE_STATE,
+    Command=COMMAND,
+)
+def follow_hands(
+    config: np.ndarray,
+    led: np.ndarray,
+    hand_positions: np.ndarray,
+    forces_estimated_n: np.ndarray,
+    dt_s: float,
+    states: np.ndarray,
+    commands: np.ndarray,
+) -> None:
+    """Override mask, position, force and base velocity of commands whose hands are led, as Guidance does.
+
+    Args:
+        config: GUIDANCE (1,).
+        led: (k,) which of the n robots.
+        hand_positions: (n, 3) m, measured, in heading.
+        forces_estimated_n: (n, 3) N, on the hands, in heading.
+        dt_s: period of the caller.
+        states: GUIDANCE_STATE (n,), moved on. Guidance starts without force and with the spring at rest at the hand.
+        commands: COMMAND (n,).
+    """
+    for robot in led:
+        _follow(config[0], hand_positions[robot], forces_estimated_n[robot], dt_s, states[robot], commands[robot])
+
+
+def guidance_record(config: GuidanceConfig) -> np.ndarray:
+    """GuidanceConfig as a record GUIDANCE (1,) for kernels."""
+    return packed(GUIDANCE, config, comfortable_m=DEFAULT_COMMAND.position_m)
+
+
 class Guidance:
     """Overrides mask, force and base velocity of a command whose `guidance` is set; passes any other through."""
 
     def __init__(self, config: GuidanceConfig) -> None:
         self.config = config
+        self._gains = guidance_record(config)
         self.reset()
 
     def reset(self) -> None:
         """Forget the force history and the spring's rest position."""
-        self._force: np.ndarray | None = None
-        self._rest = DEFAULT_COMMAND.position_m
+        self._state = np.zeros(1, GUIDANCE_STATE)
+        self._started = False
 
     def step(self, command: Command, hand: HandState, dt_s: float) -> Command:
         """The command that follows the led hand, or `command` itself when guidance is off.
@@ -64,42 +166,16 @@ class Guidance:
             dt_s: period of the caller.
         """
         if not command.guidance:
-            self.reset()
+            if self._started:
+                self.reset()
             return command
-        force = hand.force_estimated_n
-        if self._force is None:
-            self._force = np.zeros(3)
-            self._rest = hand.position_in_heading
-        self._force = self._force + min(1.0, dt_s / self.config.smoothing_s) * (force - self._force)
-        self._rest = self._rest + _limited(DEFAULT_COMMAND.position_m - self._rest, self.config.glide_mps * dt_s)
-        return replace(
-            command,
-            mask=np.ones(3),
-            force_n=self.centring_force(hand.position_in_heading - self._rest),
-            position_m=hand.position_in_heading,
-            base_velocity=self.base_velocity(self._force),
-        )
-
-    def base_velocity(self, force: np.ndarray) -> np.ndarray:
-        """Base velocity (3,) [m/s, 0, rad/s] for a smoothed force (3,), N, on the hand, heading frame."""
-        config = self.config
-        size = float(np.hypot(force[0], force[1]))
-        excess = max(0.0, size - config.dead_band_n) / max(size, 1e-9)
-        forward = np.clip(config.forward_gain * excess * force[0], -config.forward_limit_mps, config.forward_limit_mps)
-        yaw = np.clip(config.yaw_gain * excess * force[1], -config.yaw_limit_rps, config.yaw_limit_rps)
-        return np.array([forward, 0.0, yaw])
-
-    def centring_force(self, displacement: np.ndarray) -> np.ndarray:
-        """Force (3,), N, at which the hand rests when led by `displacement` (3,), m, from the spring's rest position."""
-        config = self.config
-        distance = float(np.linalg.norm(displacement))
-        if distance <= config.stretch_m:
-            return config.centring_stiffness * displacement
-        size = config.centring_stiffness * config.stretch_m + config.stretch_stiffness * (distance - config.stretch_m)
-        return size / distance * displacement
+        if not self._started:
+            self._started = True
+            self._state["rest_m"] = hand.position_in_heading
+        led = to_record(command)
+        position, force = hand.position_in_heading[None], hand.force_estimated_n[None]
+        follow_hands(self._gains, _FIRST, position, force, dt_s, self._state, led)
+        return from_record(led, guidance=True)
 
 
-def _limited(vector: np.ndarray, length: float) -> np.ndarray:
-    """`vector` shortened to at most `length`."""
-    size = float(np.linalg.norm(vector))
-    return vector if size <= length else length / size * vector
+_FIRST = np.zeros(1, np.int64)

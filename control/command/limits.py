@@ -1,14 +1,18 @@
 """Limits, validation and rate limiting of the full command, so that a jump of a set-point never yanks the robot."""
 
+import math
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 import numpy as np
 
+from control.command.command_record import COMMAND, from_record, to_record
+from control.compiled import kernel
+from control.records import config_record, packed
+from control.small_algebra import clip
 from control.types import Command
 
 Range = tuple[float, float]
-
-_SHAPES = {"mask": 3, "force_n": 3, "position_m": 3, "orientation_wxyz": 4, "base_velocity": 3}
 
 DEFAULT_COMMAND = Command(
     mask=np.zeros(3),
@@ -84,48 +88,87 @@ class HandState:
     force_estimated_n: np.ndarray = field(default_factory=lambda: np.zeros(3))
 
 
+LIMITS = config_record(CommandLimits())
+"""The numbers of CommandLimits."""
+
+
+@lru_cache(maxsize=8)
+def limits_record(limits: CommandLimits) -> np.ndarray:
+    """CommandLimits as a record LIMITS (1,) for kernels; not to be written to."""
+    return packed(LIMITS, limits)
+
+
+@kernel("void(Limits, f8[:])", Limits=LIMITS)
+def _clip_to_box(limits: np.record, position: np.ndarray) -> None:
+    """Clip a position (3,), m, to its ranges."""
+    k = limits
+    position[0] = clip(position[0], k.position_x_m[0], k.position_x_m[1])
+    position[1] = clip(position[1], k.position_y_m[0], k.position_y_m[1])
+    position[2] = clip(position[2], k.position_z_m[0], k.position_z_m[1])
+
+
+@kernel("b1(Limits[::1], Command[::1])", Limits=LIMITS, Command=COMMAND)
+def _clip(limits: np.ndarray, command: np.ndarray) -> bool:
+    """Move a command (1,) to the nearest one within limits; False, and nothing changes, where no clipping can repair it.
+
+    Ranges count per element. The position lies in a box and in a ball about the shoulder, both convex: a few alternating
+    projections land in both.
+    """
+    k, c = limits[0], command[0]
+    squares = 0.0
+    for i in range(4):
+        squares += c.orientation_wxyz[i] ** 2
+    length = math.sqrt(squares)
+    # Written so that what is not a number is refused.
+    if not 1e-6 <= length < math.inf:
+        return False
+    for i in range(3):
+        if c.mask[i] not in (0.0, 1.0):
+            return False
+        if not (math.isfinite(c.force_n[i]) and math.isfinite(c.position_m[i]) and math.isfinite(c.base_velocity[i])):
+            return False
+    for i in range(4):
+        c.orientation_wxyz[i] /= length
+    for i in range(3):
+        c.force_n[i] = clip(c.force_n[i], k.force_n[0], k.force_n[1])
+    c.base_velocity[0] = clip(c.base_velocity[0], k.velocity_x_mps[0], k.velocity_x_mps[1])
+    c.base_velocity[1] = clip(c.base_velocity[1], k.velocity_y_mps[0], k.velocity_y_mps[1])
+    c.base_velocity[2] = clip(c.base_velocity[2], k.yaw_rate_rps[0], k.yaw_rate_rps[1])
+    _clip_to_box(k, c.position_m)
+    for _ in range(8):
+        squares = 0.0
+        for i in range(3):
+            squares += (c.position_m[i] - k.shoulder_m[i]) ** 2
+        distance = math.sqrt(squares)
+        if distance <= k.reach_m:
+            break
+        for i in range(3):
+            c.position_m[i] = k.shoulder_m[i] + (c.position_m[i] - k.shoulder_m[i]) * ((k.reach_m - 1e-4) / distance)
+        _clip_to_box(k, c.position_m)
+    return True
+
+
 def clip_command(command: Command, limits: CommandLimits) -> Command:
     """The nearest command within limits, with fresh arrays and a unit quaternion.
 
     Raises:
         CommandError: wrong shape, not finite, a mask other than 0 and 1, or a quaternion of zero length.
     """
-    for name, size in _SHAPES.items():
-        value = np.asarray(getattr(command, name))
-        if value.shape != (size,):
-            raise CommandError(name, f"an array of {size} numbers, not of shape {value.shape}")
-        if not np.isfinite(value).all():
-            raise CommandError(name, f"finite, not {value.tolist()}")
-    mask = np.asarray(command.mask, dtype=float)
-    if not np.isin(mask, (0.0, 1.0)).all():
-        raise CommandError("mask", f"0 (position) or 1 (force) per axis, not {mask.tolist()}")
-    length = float(np.linalg.norm(command.orientation_wxyz))
-    if length < 1e-6:
-        raise CommandError("orientation_wxyz", "a quaternion of non-zero length")
-    return Command(
-        mask=mask.copy(),
-        force_n=np.clip(command.force_n, *limits.force_n),
-        position_m=_clip_position(command.position_m, limits),
-        orientation_wxyz=command.orientation_wxyz / length,
-        base_velocity=_clip_ranges(command.base_velocity, (limits.velocity_x_mps, limits.velocity_y_mps, limits.yaw_rate_rps)),
-        guidance=bool(command.guidance),
-    )
+    for name in COMMAND.names or ():
+        shape = np.shape(getattr(command, name))
+        if shape != COMMAND[name].shape:
+            raise CommandError(name, f"an array of {COMMAND[name].shape[0]} numbers, not of shape {shape}")
+    clipped = to_record(command)
+    if not _clip(limits_record(limits), clipped):
+        raise _defect(clipped[0])
+    return from_record(clipped, bool(command.guidance))
 
 
-def _clip_ranges(values: np.ndarray, ranges: tuple[Range, Range, Range]) -> np.ndarray:
-    lower, upper = np.transpose(ranges)
-    return np.clip(values, lower, upper)
-
-
-def _clip_position(position: np.ndarray, limits: CommandLimits) -> np.ndarray:
-    box = (limits.position_x_m, limits.position_y_m, limits.position_z_m)
-    shoulder = np.array(limits.shoulder_m)
-    clipped = _clip_ranges(position, box)
-    # Box and ball are convex and overlap: a few alternating projections land in both.
-    for _ in range(8):
-        offset = clipped - shoulder
-        distance = np.linalg.norm(offset)
-        if distance <= limits.reach_m:
-            break
-        clipped = _clip_ranges(shoulder + offset * ((limits.reach_m - 1e-4) / distance), box)
-    return clipped
+def _defect(command: np.record) -> CommandError:
+    """What is wrong with a record that `_clip` refuses."""
+    for name in COMMAND.names or ():
+        if not np.isfinite(command[name]).all():
+            return CommandError(name, f"finite, not {command[name].tolist()}")
+    if not np.isin(command.mask, (0.0, 1.0)).all():
+        return CommandError("mask", f"0 (position) or 1 (force) per axis, not {command.mask.tolist()}")
+    return CommandError("orientation_wxyz", "a quaternion of non-zero length")

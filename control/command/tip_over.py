@@ -1,10 +1,14 @@
 """How much of a force the robot can bear at its hand before it tips over its wheels."""
 
+import math
+
 import numpy as np
 
+from control.compiled import kernel
 from control.robot_model import GRAVITY_MPS2, RobotModel
+from control.small_algebra import clip, rotate_back
 
-_AROUND = [0, 2, 3, 1]
+_AROUND = (0, 2, 3, 1)
 """FL, RL, RR, FR: the wheels counterclockwise, seen from above."""
 
 
@@ -13,12 +17,8 @@ def feasible_force_scale(
 ) -> float:
     """Largest share, 0 to 1, of a force at the hand under which the centre of pressure stays within the wheels.
 
-    Statics: the ground answers weight and force at the zero-moment point (Vukobratovic), which moves linearly with the force
-    once multiplied by the load, and has to keep its distance from every line between neighbouring wheels. The wheels' mean
-    height counts as the ground's.
-
     Args:
-        force_n: (3,) N, environment on hand.
+        force_n: (3,) N, environment on hand, in heading.
         model: at the robot's configuration.
         rotation_heading_to_world: (3, 3).
         margin_m: distance from the edges.
@@ -28,18 +28,67 @@ def feasible_force_scale(
     """
     if not force_n.any():
         return 1.0
-    contacts = model.wheel_contact_positions @ rotation_heading_to_world
-    middle = contacts.mean(axis=0)
-    hand = model.end_effector_position @ rotation_heading_to_world - middle
-    mass_center = model.center_of_mass @ rotation_heading_to_world - middle
-    corners = (contacts - middle)[_AROUND, :2]
-    edges = np.roll(corners, -1, axis=0) - corners
-    inward = np.stack([-edges[:, 1], edges[:, 0]], axis=1) / np.linalg.norm(edges, axis=1, keepdims=True)
-    beyond_edge = (inward * corners).sum(axis=1) + margin_m
-    # Load times distance within each edge, less the margin: of the weight, and what the whole force adds.
-    weight = model.total_mass * GRAVITY_MPS2
-    of_weight = weight * (inward @ mass_center[:2] - beyond_edge)
-    of_force = inward @ (hand[2] * force_n[:2] - force_n[2] * hand[:2]) + force_n[2] * beyond_edge
-    tipping = of_force < 0.0
-    shares = of_weight[tipping] / -of_force[tipping]
-    return float(np.clip(shares.min(initial=1.0), 0.0, 1.0))
+    return _feasible_scale(
+        force_n,
+        model.wheel_contact_positions,
+        model.end_effector_position,
+        model.center_of_mass,
+        rotation_heading_to_world,
+        model.total_mass * GRAVITY_MPS2,
+        margin_m,
+    )
+
+
+@kernel("f8(vector, matrix, vector, vector, matrix, f8, f8)")
+def _feasible_scale(
+    force_n: np.ndarray,
+    contacts: np.ndarray,
+    hand: np.ndarray,
+    mass_center: np.ndarray,
+    heading: np.ndarray,
+    weight_n: float,
+    margin_m: float,
+) -> float:
+    """Statics: the ground answers weight and force at the zero-moment point (Vukobratovic).
+
+    Multiplied by the load it moves linearly with the force, and it has to keep its distance from every line between
+    neighbouring wheels. With inward normal n of an edge through c, from the middle of the wheels:
+
+        W (n . m - n . c - margin) + s [n . (h_z f_xy - f_z h_xy) + f_z (n . c + margin)] >= 0
+
+    Args:
+        force_n: (3,) f, in heading.
+        contacts: (4, 3) m, like `hand` h and `mass_center` m world-aligned. The wheels' mean height counts as the ground's.
+        heading: (3, 3) heading to world.
+        weight_n: W.
+        margin_m: distance from the edges.
+
+    Returns:
+        s.
+    """
+    points, middle = np.empty((6, 3)), np.zeros(3)
+    for wheel in range(4):
+        points[wheel, 0], points[wheel, 1], points[wheel, 2] = rotate_back(heading, contacts[wheel])
+        for i in range(3):
+            middle[i] += 0.25 * points[wheel, i]
+    points[4, 0], points[4, 1], points[4, 2] = rotate_back(heading, hand)
+    points[5, 0], points[5, 1], points[5, 2] = rotate_back(heading, mass_center)
+    for point in range(6):
+        for i in range(3):
+            points[point, i] -= middle[i]
+    hx, hy, hz = points[4]
+    mx, my, _ = points[5]
+    fx, fy, fz = force_n
+    share = 1.0
+    for edge in range(4):
+        corner, following = points[_AROUND[edge]], points[_AROUND[(edge + 1) % 4]]
+        along_x, along_y = following[0] - corner[0], following[1] - corner[1]
+        length = math.hypot(along_x, along_y)
+        nx, ny = -along_y / length, along_x / length
+        beyond_edge = nx * corner[0] + ny * corner[1] + margin_m
+        # Load times distance within the edge, less the margin: of the weight, and what the whole force adds.
+        of_weight = weight_n * (nx * mx + ny * my - beyond_edge)
+        of_force = nx * (hz * fx - fz * hx) + ny * (hz * fy - fz * hy) + fz * beyond_edge
+        if of_force < 0.0:
+            share = min(share, of_weight / -of_force)
+    return clip(share, 0.0, 1.0)

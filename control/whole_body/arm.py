@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from control.command.axis_mask import force_share
 from control.command.limits import CommandLimits
 from control.estimation.rolling_contact import rolling_velocity
 from control.frames import rotation_error, rotation_from_quaternion
@@ -121,11 +122,9 @@ class ArmControl:
 
     def on_force(self, inputs: ControllerInput) -> np.ndarray:
         """Share (3,), 0 to 1, of force control per axis: 0 on position axes and before contact."""
-        config, command = self.config, inputs.command
-        needed = config.contact_share * np.abs(command.force_n) - config.contact_noise_n
-        pressed = inputs.force_estimated_n * np.sign(command.force_n)
-        contact = np.where(needed > 0.0, np.clip(pressed / np.maximum(needed, 1e-9), 0.0, 1.0), 1.0)
-        return command.mask * contact
+        config, command, estimated = self.config, inputs.command, inputs.force_estimated_n
+        axes = zip(command.mask, command.force_n, estimated, strict=True)
+        return np.array([force_share(*axis, config.contact_share, config.contact_noise_n) for axis in axes])
 
     def _reference_twist(
         self,

@@ -4,9 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from control.command.guidance import GuidanceConfig
-from control.command.limits import DEFAULT_COMMAND
-from sim.training.references import Commands
+from control.command.command_record import commands
+from control.command.guidance import GUIDANCE_STATE, GuidanceConfig, follow_hands, guidance_record
 from sim.trials.random_segments import reachable_hands
 
 FREE, FORCE, TOUCH, SLIDE, LEAD = range(5)
@@ -55,7 +54,7 @@ class CommandSource:
 
     Attributes:
         kind: (n,) of the segment. time_s, duration_s: (n,) since its start, and its length.
-        commands: what is asked. slide_axis: (n,) 0 x or 1 y, of SLIDE segments.
+        commands: COMMAND (n,), what is asked. slide_axis: (n,) 0 x or 1 y, of SLIDE segments.
         constant_force: (n, 3) N, that the force asked for swings about.
         wave_amplitude: (n, 3) N, wave_rate: (n,) rad/s, of the swinging force.
     """
@@ -63,18 +62,18 @@ class CommandSource:
     def __init__(self, count: int, ranges: CommandRanges, random: np.random.Generator) -> None:
         self._ranges, self._random = ranges, random
         self._positions, self._orientations = reachable_hands(random, ranges.hands)
-        self.commands = Commands(count)
+        self.commands = commands(count)
         self.kind = np.zeros(count, int)
         self.slide_axis = np.ones(count, int)
         self.time_s, self.duration_s = np.zeros(count), np.ones(count)
         self.wave_amplitude, self.wave_rate = np.zeros((count, 3), order="F"), np.zeros(count)
         self.constant_force = np.zeros((count, 3), order="F")
-        self._guidance = GuidanceConfig()
-        self._led_force, self._rest = np.zeros((count, 3)), np.zeros((count, 3))
+        self._guidance = guidance_record(GuidanceConfig())
+        self._led = np.zeros(count, GUIDANCE_STATE)
 
     def draw(self, ids: np.ndarray, hand_position: np.ndarray, hand_orientation: np.ndarray) -> None:
         """Start new segments of robots `ids` (m,), whose hands are at (m, 3) m, (m, 4) wxyz in heading."""
-        ranges, random, commands, count = self._ranges, self._random, self.commands, len(ids)
+        ranges, random, asked, count = self._ranges, self._random, self.commands, len(ids)
         self.time_s[ids] = 0.0
         self.duration_s[ids] = random.uniform(*ranges.segment_s, count)
         kind = random.choice(len(ranges.kind_shares), count, p=ranges.kind_shares)
@@ -84,14 +83,14 @@ class CommandSource:
         moving = (random.random(count) > ranges.stand_share) & ((kind == FREE) | (kind == FORCE))
         velocity[:, 0] = moving * random.uniform(*ranges.forward_mps, count)
         velocity[:, 2] = moving * (random.random(count) < ranges.turn_share) * random.uniform(*ranges.yaw_rps, count)
-        commands.base_velocity[ids] = velocity
+        asked["base_velocity"][ids] = velocity
 
         chosen = random.integers(len(self._positions), size=count)
         # What is touched or dragged, and who leads, is where the hand is, and a hand that is held cannot reach any pose.
         stays = ((kind == TOUCH) | (kind == SLIDE) | (kind == LEAD))[:, None]
         beside = hand_position + random.uniform(-1.0, 1.0, (count, 3)) * ranges.touch_reach_m * (kind == TOUCH)[:, None]
-        commands.position[ids] = np.where(stays, beside, self._positions[chosen])
-        commands.orientation[ids] = np.where(stays, hand_orientation, self._orientations[chosen])
+        asked["position_m"][ids] = np.where(stays, beside, self._positions[chosen])
+        asked["orientation_wxyz"][ids] = np.where(stays, hand_orientation, self._orientations[chosen])
 
         some = (random.random((count, 3)) < 0.5).astype(float)
         mask = np.where(random.random((count, 1)) < ranges.all_axes_share, 1.0, some)
@@ -101,7 +100,7 @@ class CommandSource:
         sliding[np.arange(count), axis] = 1.0
         mask = np.where((kind == SLIDE)[:, None], sliding, mask)
         mask[kind == FREE], mask[kind == LEAD] = 0.0, 1.0
-        commands.mask[ids], self.slide_axis[ids] = mask, axis
+        asked["mask"][ids], self.slide_axis[ids] = mask, axis
 
         force = random.uniform(-ranges.force_n, ranges.force_n, (count, 3)) * mask
         force[random.random((count, 3)) < ranges.no_force_share] = 0.0
@@ -114,7 +113,7 @@ class CommandSource:
         amplitude[slides] = 0.0
         amplitude[slides, axis[slides]] = random.uniform(*ranges.slide_force_n, len(slides))
         rate[slides] = 2.0 * np.pi * random.uniform(*ranges.slide_hz, len(slides))
-        self._led_force[ids], self._rest[ids] = 0.0, hand_position
+        self._led["force_n"][ids], self._led["rest_m"][ids] = 0.0, hand_position
         self.constant_force[ids], self.wave_amplitude[ids], self.wave_rate[ids] = force, amplitude, rate
 
     def advance(self, hand_position: np.ndarray, force_estimated_n: np.ndarray, dt_s: float) -> None:
@@ -128,32 +127,6 @@ class CommandSource:
         self.time_s += dt_s
         # A cosine, so that what is dragged swings about where the hand began.
         wave = np.cos(self.wave_rate * self.time_s)[:, None]
-        self.commands.force = self.constant_force + self.wave_amplitude * wave
+        self.commands["force_n"] = self.constant_force + self.wave_amplitude * wave
         led = np.flatnonzero(self.kind == LEAD)
-        if led.size:
-            self._follow(led, hand_position[led], force_estimated_n[led], dt_s)
-
-    def _follow(self, led: np.ndarray, hand_position: np.ndarray, force_estimated_n: np.ndarray, dt_s: float) -> None:
-        config = self._guidance
-        self._led_force[led] += min(1.0, dt_s / config.smoothing_s) * (force_estimated_n - self._led_force[led])
-        force = self._led_force[led]
-        size = np.hypot(force[:, 0], force[:, 1])
-        excess = np.maximum(0.0, size - config.dead_band_n) / np.maximum(size, 1e-9)
-        velocity = self.commands.base_velocity
-        velocity[led, 0] = _limited(config.forward_gain * excess * force[:, 0], config.forward_limit_mps)
-        velocity[led, 2] = _limited(config.yaw_gain * excess * force[:, 1], config.yaw_limit_rps)
-        self._rest[led] += _shortened(DEFAULT_COMMAND.position_m - self._rest[led], config.glide_mps * dt_s)
-        displacement = hand_position - self._rest[led]
-        beyond = displacement - _shortened(displacement, config.stretch_m)
-        near = displacement - beyond
-        self.commands.force[led] = config.centring_stiffness * near + config.stretch_stiffness * beyond
-
-
-def _limited(values: np.ndarray, limit: float) -> np.ndarray:
-    return np.clip(values, -limit, limit)
-
-
-def _shortened(vectors: np.ndarray, length: float) -> np.ndarray:
-    """`vectors` (m, 3), each shortened to at most `length`."""
-    size = np.linalg.norm(vectors, axis=1, keepdims=True)
-    return vectors * np.minimum(1.0, length / np.maximum(size, 1e-12))
+        follow_hands(self._guidance, led, hand_position, force_estimated_n, dt_s, self._led, self.commands)

@@ -77,7 +77,7 @@ class ContactEnvironment:
     def draw(self, ids: np.ndarray) -> None:
         """New surroundings for segments that have just been drawn; springs start relaxed at the hand."""
         ranges, random, robot, source = self._ranges, self._random, self._robot, self._source
-        count, mask, kind = len(ids), source.commands.mask[ids], source.kind[ids]
+        count, mask, kind = len(ids), source.commands["mask"][ids], source.kind[ids]
         asked = source.constant_force[ids]
         largest = np.abs(asked) + source.wave_amplitude[ids]
         low, high = np.log(ranges.stiffness)
@@ -106,8 +106,8 @@ class ContactEnvironment:
         base, heading = robot.base_position[ids] * [1.0, 1.0, 0.0], robot.rotation_heading_to_world[ids]
         self._origin[ids], self._rotation[ids] = base, heading
         self._start[ids] = rotate_back(heading, robot.hand_position[ids] - base)
-        self._rides[ids] = (np.abs(source.commands.base_velocity[ids]).sum(axis=1) > 0.0) & ~leading
-        glide = source.commands.position[ids] - self._start[ids]
+        self._rides[ids] = (np.abs(source.commands["base_velocity"][ids]).sum(axis=1) > 0.0) & ~leading
+        glide = source.commands["position_m"][ids] - self._start[ids]
         glide += random.uniform(-1.0, 1.0, (count, 3)) * ranges.glide_error_m
         # Where the force asked for holds the hand beside its reference, so within its reach.
         glide += np.where(stiffness > 0.0, asked / np.maximum(stiffness, 1e-9), 0.0)

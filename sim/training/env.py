@@ -158,7 +158,7 @@ class TrainingEnv:
         self._phase = advance_phase(self._phase)
         state = self._judge(change)
         reward = rewards(config.rewards, state)
-        mask, segment_s = self.references.mask, self.source.time_s.copy()
+        mask, segment_s = self.references.applied["mask"].copy(), self.source.time_s.copy()
 
         self._age_s += CONTROL_PERIOD_S
         done = state.fallen | (self._age_s >= config.episode_s)
@@ -235,10 +235,10 @@ class TrainingEnv:
 
     def _sense(self, ids: np.ndarray | slice = _ALL) -> TaskSignals:
         """Measurements of robots `ids`, with noise."""
-        robot, noise, references = self.robot, self.config.noise, self.references
+        robot, noise, applied = self.robot, self.config.noise, self.references.applied[ids]
         rotation, heading = robot.rotation_base_to_world[ids], robot.rotation_heading_to_world[ids]
         count = len(heading)
-        target = products(heading, rotations_from_quaternions(references.orientation[ids]))
+        target = products(heading, rotations_from_quaternions(applied["orientation_wxyz"]))
         velocity = rotate_back(heading, robot.rolling_velocity[ids])
         angular_velocity, yaw_rate = robot.angular_velocity_in_base[ids], robot.base_angular_velocity[ids, 2:]
         return TaskSignals(
@@ -254,24 +254,24 @@ class TrainingEnv:
             orientation_error=rotate_back(heading, rotation_errors(target, robot.hand_rotation[ids]))
             + self._noise(noise.hand_orientation_rad, 3, count),
             force_estimated_n=self.estimator.force[ids],
-            mask=references.mask[ids],
-            force=references.force[ids],
-            position=references.position[ids],
-            orientation=references.orientation[ids],
-            base_velocity=references.base_velocity[ids],
+            mask=applied["mask"],
+            force=applied["force_n"],
+            position=applied["position_m"],
+            orientation=applied["orientation_wxyz"],
+            base_velocity=applied["base_velocity"],
         )
 
     def _privileged(self) -> np.ndarray:
         """(n, 23) truth for the critic alone."""
-        robot, references = self.robot, self.references
+        robot, applied = self.robot, self.references.applied
         heading = robot.rotation_heading_to_world
         hand = self._true_hand()
-        force_error = references.mask * (self._hand_force - references.force)
+        force_error = applied["mask"] * (self._hand_force - applied["force_n"])
         arm = rotate_back(heading, robot.hand_velocity_from_arm)
         parts = [
             2.0 * rotate_back(heading, robot.base_linear_velocity),
             10.0 * (robot.base_position[:, 2:] - NOMINAL_BASE_HEIGHT_M),
-            4.0 * (references.position - hand),
+            4.0 * (applied["position_m"] - hand),
             self.signals.orientation_error,
             0.1 * self._hand_force,
             0.2 * force_error,
@@ -282,23 +282,23 @@ class TrainingEnv:
         return np.clip(np.concatenate(parts, axis=1, dtype=np.float32, casting="same_kind"), -8.0, 8.0)
 
     def _judge(self, action_change: np.ndarray) -> RewardInput:
-        robot, references = self.robot, self.references
+        robot, applied = self.robot, self.references.applied
         heading = robot.rotation_heading_to_world
         velocity = rotate_back(heading, robot.base_linear_velocity)
-        target = products(heading, rotations_from_quaternions(references.orientation))
+        target = products(heading, rotations_from_quaternions(applied["orientation_wxyz"]))
         gravity = -robot.rotation_base_to_world[:, 2]
         height = robot.base_position[:, 2]
         return RewardInput(
-            velocity_error=velocity[:, :2] - references.base_velocity[:, :2],
-            yaw_error=robot.base_angular_velocity[:, 2] - references.base_velocity[:, 2],
+            velocity_error=velocity[:, :2] - applied["base_velocity"][:, :2],
+            yaw_error=robot.base_angular_velocity[:, 2] - applied["base_velocity"][:, 2],
             heave=velocity[:, 2],
             height=height,
             rocking=robot.angular_velocity_in_base[:, :2],
             gravity_xy=gravity[:, :2],
-            position_error=(1.0 - references.mask) * (self._true_hand() - references.position),
+            position_error=(1.0 - applied["mask"]) * (self._true_hand() - applied["position_m"]),
             orientation_error=rotation_errors(target, robot.hand_rotation),
             drags=self.source.kind == SLIDE,
-            force_error=references.mask * (self._hand_force - references.force),
+            force_error=applied["mask"] * (self._hand_force - applied["force_n"]),
             lead_force=(self.source.kind == LEAD) * np.linalg.norm(self._hand_force, axis=1),
             joint_position=robot.joint_position,
             joint_velocity=robot.joint_velocity,

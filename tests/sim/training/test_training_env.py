@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from control.command.command_record import commands, from_record, to_record
 from control.command.filter import CommandFilter
 from control.command.limits import CommandLimits, HandState
 from control.frames import quaternion_from_rotation, rotation_from_quaternion
@@ -17,7 +18,7 @@ from control.policy.policy_weights import PolicyManifest, interface, load_policy
 from control.policy.task_memory import TaskSignals
 from control.robot_model import RobotModel
 from control.timing import CONTROL_PERIOD_S
-from control.types import BaseState, Command, SensorFrame
+from control.types import BaseState, SensorFrame
 from control.whole_body.arm import ArmConfig
 from control.whole_body.controller import ControllerInput
 from control.whole_body.model_based import ModelBasedController
@@ -25,7 +26,7 @@ from sim.training.batch_rotations import quaternions_from_rotations, rotate, rot
 from sim.training.commands import LEAD, SLIDE, CommandRanges
 from sim.training.contact_environment import HAND_INERTIA_KG
 from sim.training.env import SensorNoise, TrainingEnv, TrainingEnvConfig
-from sim.training.references import BatchedReferences, Commands
+from sim.training.references import BatchedReferences
 from sim.training.rewards import RewardScales, rewards
 from sim.training.robot import NO_RANDOMIZATION, TIMESTEP_S
 from sim.training.surrogate import LowPass, SurrogateParameters
@@ -54,7 +55,7 @@ def make_env(count: int = 8, **changes: object) -> TrainingEnv:
 
 def single_input(env: TrainingEnv, index: int, model: RobotModel) -> ControllerInput:
     """What the controller of robot `index` would get in the pipeline, with the batch's measurements."""
-    robot, signals, references = env.robot, env.signals, env.references
+    robot, signals, applied = env.robot, env.signals, env.references.applied[[index]]
     rotation = robot.rotation_base_to_world[index]
     heading = robot.rotation_heading_to_world[index]
     velocity = rotation.T @ heading @ signals.base_linear_velocity[index]
@@ -68,13 +69,7 @@ def single_input(env: TrainingEnv, index: int, model: RobotModel) -> ControllerI
         joint_torque=signals.joint_torque[index],
     )
     model.update(rotation, sensor.joint_position, velocity, sensor.angular_velocity, sensor.joint_velocity)
-    command = Command(
-        mask=references.mask[index],
-        force_n=references.force[index],
-        position_m=references.position[index],
-        orientation_wxyz=references.orientation[index],
-        base_velocity=references.base_velocity[index],
-    )
+    command = from_record(applied, guidance=False)
     base = BaseState(rotation, velocity, sensor.angular_velocity, float(signals.base_height[index, 0]))
     return ControllerInput(sensor, base, model, command, signals.force_estimated_n[index])
 
@@ -103,35 +98,25 @@ def test_batch_and_single_robot_share_the_observed_signals(model: RobotModel):
             assert np.allclose(getattr(single, field.name), batch, atol=1e-9), field.name
 
 
-def test_references_equal_the_command_filter():
-    random = np.random.default_rng(3)
-    limits, hand = CommandLimits(), np.array([0.55, 0.02, 0.5])
-    commands, batch, single = Commands(1), BatchedReferences(1, limits), CommandFilter(limits)
-    batch.reset(np.array([0]), hand[None], np.array([[1.0, 0.0, 0.0, 0.0]]))
-    for step in range(240):
-        if step % 60 == 0:
-            commands.mask = (random.random((1, 3)) < 0.4).astype(float)
-            commands.force = random.uniform(-20.0, 20.0, (1, 3))
-            commands.position = hand + random.uniform(-0.1, 0.1, (1, 3))
-            quaternion = random.standard_normal((1, 4))
-            commands.orientation = quaternion / np.linalg.norm(quaternion)
-            commands.base_velocity = random.uniform(-0.1, 0.1, (1, 3))
-        measured, force = hand + 0.01 * random.standard_normal(3), random.standard_normal(3)
-        asked = Command(
-            commands.mask[0], commands.force[0], commands.position[0], commands.orientation[0], commands.base_velocity[0]
-        )
-        applied = single.step(asked, HandState(measured, np.eye(3), force), CONTROL_PERIOD_S)
-        if step == 0:  # the filter starts at the first hand it sees
-            batch.reset(np.array([0]), measured[None], np.array([[1.0, 0.0, 0.0, 0.0]]))
-        batch.step(commands, measured[None], force[None], CONTROL_PERIOD_S)
-        for mine, theirs in (
-            (batch.mask, applied.mask),
-            (batch.force, applied.force_n),
-            (batch.position, applied.position_m),
-            (batch.base_velocity, applied.base_velocity),
-        ):
-            assert np.allclose(mine[0], theirs, atol=1e-9)
-        assert np.allclose(np.abs(batch.orientation[0] @ applied.orientation_wxyz), 1.0, atol=1e-9)
+def test_references_of_the_batch_are_those_of_its_robots():
+    random, limits, count = np.random.default_rng(3), CommandLimits(), 3
+    hands = np.array([[0.55, 0.02, 0.5], [0.6, -0.1, 0.4], [0.5, 0.1, 0.6]])
+    asked, batch, singles = commands(count), BatchedReferences(count, limits), [CommandFilter(limits) for _ in range(count)]
+    batch.reset(np.arange(count), hands, np.tile([1.0, 0.0, 0.0, 0.0], (count, 1)))
+    for step in range(120):
+        if step % 40 == 0:
+            asked["mask"] = random.random((count, 3)) < 0.4
+            asked["force_n"] = random.uniform(-20.0, 20.0, (count, 3))
+            asked["position_m"] = hands + random.uniform(-0.1, 0.1, (count, 3))
+            quaternion = random.standard_normal((count, 4))
+            asked["orientation_wxyz"] = quaternion / np.linalg.norm(quaternion, axis=1, keepdims=True)
+            asked["base_velocity"] = random.uniform(-0.1, 0.1, (count, 3))
+        forces = random.standard_normal((count, 3))
+        batch.step(asked, hands, forces, CONTROL_PERIOD_S)
+        for robot, single in enumerate(singles):
+            hand = HandState(hands[robot], np.eye(3), forces[robot])
+            applied = single.step(from_record(asked[[robot]], guidance=False), hand, CONTROL_PERIOD_S)
+            assert np.array_equal(to_record(applied), batch.applied[[robot]])
 
 
 def test_batched_quaternions_equal_the_single_ones():
