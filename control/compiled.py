@@ -1,63 +1,60 @@
 """Compiled laws: `kernel` turns a function over plain arrays of one robot into machine code with numba.
 
 A kernel has explicit signatures, so that another memory layout is a TypeError in a test and not a second compilation in
-the running loop. Numba keys its cache by the kernel's own file alone: a changed callee in another file would stay stale.
-So the cache is one folder per hash of all files that hold kernels.
+the running loop. It is compiled when its file is imported and kept on disk. Numba keys what it keeps by the kernel's own file
+alone: a changed callee or constant of another file would stay stale. So every kernel has a folder of its own, named after the
+hash of its code, of every constant that it reads, of the kernels that it calls, and of numba, numpy and the processor.
+
+Environment: NUMBA_DISABLE_JIT=1 runs the kernels as plain Python, NUMBA_BOUNDSCHECK=1 checks their indices.
 """
 
 import hashlib
 import logging
 import os
+import platform
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import CodeType, ModuleType
 from typing import Any, TypeVar
 
+import llvmlite
+import llvmlite.binding
+import numba
 import numpy as np
 
-from control.paths import ROOT
-
 _Function = TypeVar("_Function", bound=Callable[..., Any])
-_MARK = b"@kernel("
 _log = logging.getLogger(__name__)
 
 
-def kernel_files() -> list[Path]:
-    """Files that hold kernels, in order."""
-    files = (path for part in ("control", "sim") for path in sorted((ROOT / part).rglob("*.py")))
-    return [path for path in files if _MARK in path.read_bytes()]
-
-
-def source_hash(files: list[Path]) -> str:
-    """Hash of the kernels' sources."""
-    digest = hashlib.sha256()
-    for path in files:
-        digest.update(path.read_bytes())
-    return digest.hexdigest()[:16]
+class KernelError(TypeError):
+    """A kernel reads what is neither a constant nor a kernel; the message names both."""
 
 
 def cache_directory() -> Path | None:
-    """Folder of this version's machine code, created; None where none can be written."""
-    base = os.environ.get("XDG_CACHE_HOME") or Path("~/.cache").expanduser()
-    folder = Path(base) / "forcelens" / "kernels" / source_hash(kernel_files())
+    """Folder of the machine code of all kernels, created; None where none can be written."""
     try:
+        base = Path(os.environ.get("XDG_CACHE_HOME") or Path("~/.cache").expanduser())
+        folder = base / "forcelens" / "kernels"
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
             return folder
-    except OSError as error:
+    except (OSError, RuntimeError) as error:  # RuntimeError: no home
         _log.warning("compiled kernels cannot be kept (%s): every start compiles them anew; set XDG_CACHE_HOME", error)
         return None
 
 
-_CACHE = cache_directory()
-if _CACHE is not None:
-    os.environ["NUMBA_CACHE_DIR"] = str(_CACHE)
+def toolchain() -> str:
+    """What machine code depends on besides its source: versions, processor, numba's settings."""
+    settings = sorted(item for item in os.environ.items() if item[0].startswith("NUMBA_"))
+    versions = (platform.python_version(), numba.__version__, llvmlite.__version__, np.__version__)
+    features = llvmlite.binding.get_host_cpu_features().flatten()
+    return repr((versions, platform.machine(), llvmlite.binding.get_host_cpu_name(), features, settings))
 
-import numba  # noqa: E402  (reads NUMBA_CACHE_DIR)
 
-if _CACHE is not None:
-    numba.config.CACHE_DIR = str(_CACHE)
-
+CACHE = cache_directory()
+_TOOLCHAIN = toolchain()
+_digests: dict[Callable[..., Any], str] = {}
 
 _NAMES = vars(numba.types) | {
     "vector": numba.types.Array(numba.types.float64, 1, "A", readonly=True),
@@ -68,16 +65,71 @@ _NAMES = vars(numba.types) | {
 def kernel(*signatures: str, **records: np.dtype) -> Callable[[_Function], _Function]:
     """Decorator `@kernel("f8[::1](f8[:,::1], Gains[::1])", Gains=GAINS)`: compiled with exactly these numba signatures.
 
-    No fastmath: results repeat bit for bit on one machine. Division by zero gives inf or nan as in numpy.
+    No fastmath: results repeat bit for bit on one machine. Division by zero gives inf or nan as in numpy. Constants and
+    arrays of the module are compiled in.
 
     Args:
         signatures: in numba's words, with `vector` and `matrix` for arrays of float64 of any layout that are only read.
         records: layout (control.records) of each record that a signature names.
+
+    Raises:
+        KernelError: the function reads what is neither a constant nor a kernel.
     """
     names = _NAMES | {name: numba.from_dtype(layout) for name, layout in records.items()}
-    types = [eval(signature, {}, names) for signature in signatures]
 
     def decorate(function: _Function) -> _Function:
-        return numba.njit(types, cache=_CACHE is not None, error_model="numpy")(function)
+        if numba.config.DISABLE_JIT:
+            return function
+        digest = hashlib.sha256(_TOOLCHAIN.encode())
+        for part in _parts(function):
+            digest.update(part)
+        _digests[function] = digest.hexdigest()[:32]
+        if CACHE is not None:
+            folder = CACHE / _digests[function]
+            folder.mkdir(exist_ok=True)
+            os.utime(folder)  # in use: control.compile_all removes what is not
+            numba.config.CACHE_DIR = str(folder)
+        types = [eval(signature, {}, names) for signature in signatures]
+        return numba.njit(types, cache=CACHE is not None, error_model="numpy")(function)
 
     return decorate
+
+
+def _parts(function: Callable[..., Any]) -> Iterator[bytes]:
+    """All that decides what a function computes."""
+    names: set[str] = set()
+    for code in _codes(function.__code__):
+        names |= set(code.co_names)
+        constants = [value for value in code.co_consts if not isinstance(value, CodeType)]
+        yield repr((code.co_code, constants, code.co_names, code.co_varnames, code.co_freevars)).encode()
+    captured = {name: function.__globals__[name] for name in names if name in function.__globals__}
+    closure = zip(function.__code__.co_freevars, function.__closure__ or (), strict=True)
+    captured |= {name: cell.cell_contents for name, cell in closure}
+    yield repr(function.__defaults__).encode()
+    for name, value in sorted(captured.items()):
+        yield name.encode()
+        yield _constant(value, f"kernel {function.__module__}.{function.__qualname__} reads {name!r}")
+
+
+def _codes(code: CodeType) -> Iterator[CodeType]:
+    yield code
+    for value in code.co_consts:
+        if isinstance(value, CodeType):
+            yield from _codes(value)
+
+
+def _constant(value: object, where: str) -> bytes:
+    """What a captured object contributes."""
+    callee = getattr(value, "py_func", None)
+    if callee in _digests:
+        return _digests[callee].encode()
+    if isinstance(value, ModuleType):
+        if value.__name__ not in ("math", "numpy", "numba"):
+            raise KernelError(f"{where}, a module; import the constants themselves, so that a change of theirs is seen")
+        return value.__name__.encode()
+    if isinstance(value, np.ndarray):
+        return repr((value.dtype, value.shape)).encode() + value.tobytes()
+    text = repr(value)
+    if " at 0x" in text:
+        raise KernelError(f"{where}, which is neither a constant nor a kernel: {text}")
+    return text.encode()

@@ -14,6 +14,9 @@ import numpy as np
 
 from control.compiled import kernel
 
+AXES = ("x", "y", "z")
+"""Names of a frame's axes, in the order of every vector."""
+
 
 @kernel("f8[:,::1](vector)")
 def rotation_from_quaternion(wxyz: np.ndarray) -> np.ndarray:

@@ -1,7 +1,7 @@
 """Joint order, gains and nominal posture of the robot: the one map between MuJoCo, Pinocchio and vendor orders, by name.
 
 The joint order everywhere in Forcelens is: FL, FR, RL, RR legs (hip, thigh, calf each), then the four wheels in the same
-order, then arm joints 1-6: 22 joints. Gains are the paper's (Sec. II.F) and equal the actuators of assets/robot/robot.xml.
+order, then arm joints 1-6: 22 joints. Gains are the paper's (Sec. II.E) and equal the actuators of assets/robot/robot.xml.
 """
 
 from collections.abc import Sequence
@@ -21,6 +21,8 @@ ARM_SLICE = slice(16, 22)
 
 WHEEL_RADIUS_M = 0.086
 WHEEL_HALF_WIDTH_M = 0.02
+WHEEL_FRICTION = 0.8
+"""Coulomb coefficient of a wheel on the floor (assets/robot/PROVENANCE.md); equals the geoms of assets/robot/robot.xml."""
 
 END_EFFECTOR_FRAME = "end_effector"
 WHEEL_CENTER_FRAMES = tuple(f"{leg}_wheel_center" for leg in LEGS)
@@ -33,10 +35,10 @@ def _frozen(values: Sequence[float]) -> np.ndarray:
 
 
 STIFFNESS = _frozen([40.0] * 12 + [0.0] * 4 + [15.0] * 6)
-"""Proportional gains, shape (22,), N m/rad (paper Sec. II.F)."""
+"""Proportional gains, shape (22,), N m/rad (paper Sec. II.E)."""
 
 DAMPING = _frozen([2.0] * 12 + [3.0] * 4 + [1.0] * 6)
-"""Derivative gains, shape (22,), N m s/rad (paper Sec. II.F)."""
+"""Derivative gains, shape (22,), N m s/rad (paper Sec. II.E)."""
 
 TORQUE_LIMIT = _frozen([23.7, 23.7, 45.43] * 4 + [15.0] * 4 + [30.0, 60.0, 30.0, 30.0, 30.0, 30.0])
 """Peak actuator torque, shape (22,), N m (assets/robot/PROVENANCE.md)."""

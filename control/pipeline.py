@@ -24,15 +24,10 @@ from control.paths import WEIGHTS_DIRECTORY
 from control.policy.policy_controller import make_policies
 from control.robot_model import RobotModel
 from control.safety import Fault, SafetyConfig, SafetyGate, SafetyStatus
+from control.timing import CONTROL_PERIOD_S, SLOT_COUNT, Job, due, shown_slots
 from control.types import BaseState, Command, ForceEstimate, JointCommand, SensorFrame
-from control.whole_body.controller import CONTROL_PERIOD_S, Controller, ControllerInput
+from control.whole_body.controller import Controller, ControllerInput
 from control.whole_body.model_based import ModelBasedController
-
-TICK_S = 0.002
-CONTROL_DECIMATION = round(CONTROL_PERIOD_S / TICK_S)
-SHOWN_TURNS = (1, 2, 3, 4, 6, 7)
-"""Tick of each control period at which an estimator that is only shown estimates: one per tick, none where `adaptive` adapts,
-the references move or the controller runs."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,6 +148,7 @@ class Pipeline:
         if gains is not None:
             self._estimators[name].set_gains(*gains)
         self.estimator_name = name
+        self._shown_slots = shown_slots(self.estimator_names, name)
 
     @property
     def estop_latched(self) -> bool:
@@ -189,16 +185,14 @@ class Pipeline:
             base.angular_velocity_in_base,
             sensor.joint_velocity,
         )
-        self._estimate(EstimatorInput(self.model, sensor, base, self._applied.mask))
+        self._estimate(EstimatorInput(self._tick, self.model, sensor, base, self._applied.mask))
         selected = self._estimates[self.estimator_name]
         heading = rotation_heading_to_world(base.rotation_base_to_world)
         hand = self._hand(base.height_m, heading, selected)
-        # The references move one tick before the controller runs, so that no tick carries both; a start cannot wait for that.
-        phase = self._tick % CONTROL_DECIMATION
         starting = self._targets is None
-        if phase == CONTROL_DECIMATION - 1 or starting:
+        if due(Job.REFERENCES, self._tick) or starting:
             self._refer(self._safety.check_command(command, command_age_s), heading, hand)
-        if phase == 0 or starting:
+        if due(Job.CONTROLLER, self._tick) or starting:
             inputs = ControllerInput(sensor, base, self.model, self._applied, hand.force_estimated_n)
             self._targets = self._controllers[self.controller_name].step(inputs)
         reported = (Fault.ESTIMATOR_STALE if selected.stale else Fault.NONE) | self._limited
@@ -219,10 +213,10 @@ class Pipeline:
         self._applied = self._filter.step(replace(command, force_n=share * command.force_n), hand, CONTROL_PERIOD_S)
 
     def _estimate(self, inputs: EstimatorInput) -> None:
-        phase = self._tick % CONTROL_DECIMATION
-        for index, (name, estimator) in enumerate(self._estimators.items()):
+        slot = inputs.tick % SLOT_COUNT
+        for name, estimator in self._estimators.items():
             estimator.observe(inputs)
-            if name == self.estimator_name or phase == SHOWN_TURNS[index % len(SHOWN_TURNS)]:
+            if name == self.estimator_name or slot == self._shown_slots[name]:
                 self._estimates[name] = estimator.estimate()
 
     def _hand(self, base_height_m: float, heading: np.ndarray, estimate: ForceEstimate) -> HandState:

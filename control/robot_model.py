@@ -28,6 +28,7 @@ GRAVITY_MPS2 = 9.81
 WRENCH_SIZE = 3 * len(LEGS) + 6
 """Length of the stacked wrench x = [lambda_c (12), f_e (3), m_e (3)] of eq. (10)."""
 
+_AT_ORIGIN = np.zeros(3)
 _CROSS_FROM_POINT = np.array(
     [
         [0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, -1.0, 0.0],
@@ -152,7 +153,8 @@ class RobotModel:
             joint_position: (22,) rad.
         """
         candidate = self._next_configuration
-        candidate[3:7] = pin.Quaternion(rotation_base_to_world).coeffs()
+        # Not pin.Quaternion(rotation), which leaks 80 bytes a call (Pinocchio 4.1).
+        candidate[3:7] = pin.SE3ToXYZQUAT(pin.SE3(rotation_base_to_world, _AT_ORIGIN))[3:]
         candidate[self._position_rows] = joint_position
         if self._configuration_set and np.array_equal(candidate, self._configuration):
             return

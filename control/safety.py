@@ -22,6 +22,7 @@ from control.joints import (
     WHEEL_SLICE,
 )
 from control.robot_model import RobotModel
+from control.timing import TICK_S
 from control.types import BaseState, Command, JointCommand, SensorFrame
 
 
@@ -59,7 +60,6 @@ class SafetyConfig:
         start_blend_s: the same when they stand already.
         handover_s: min-jerk blend from the targets that act to those of another controller.
         standing_rad: largest leg joint distance from NOMINAL_POSITION that still counts as standing.
-        period_s: of the gate.
     """
 
     tilt_warn_rad: float = 0.8
@@ -82,7 +82,6 @@ class SafetyConfig:
     start_blend_s: float = 0.1
     handover_s: float = 0.2
     standing_rad: float = 0.3
-    period_s: float = 0.002
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,7 +112,7 @@ class SafetyGate:
         self._comfort_upper = model.position_upper - config.position_margin_rad
         self._barrier = TORQUE_LIMIT / config.position_margin_rad
         self._velocity_limit = _per_joint(config.leg_velocity_rps, config.wheel_velocity_rps, config.arm_velocity_rps)
-        self._slew = config.period_s * _per_joint(config.leg_slew_rps, config.wheel_slew_rps2, config.arm_slew_rps)
+        self._slew = TICK_S * _per_joint(config.leg_slew_rps, config.wheel_slew_rps2, config.arm_slew_rps)
         self._is_wheel = _per_joint(0.0, 1.0, 0.0)
         self._gain = STIFFNESS + self._is_wheel * DAMPING
         self._damping_command = _frozen_damping(config)

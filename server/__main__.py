@@ -3,6 +3,7 @@
 import argparse
 import os
 import sys
+from pathlib import Path
 from typing import TextIO
 
 
@@ -15,9 +16,9 @@ def parser() -> argparse.ArgumentParser:
     )
     arguments.add_argument("--host", default="127.0.0.1", help="address to bind (default 127.0.0.1); others need a token")
     arguments.add_argument("--port", type=int, default=8080, help="TCP port (default 8080); 0 takes a free one")
-    arguments.add_argument(
-        "--token", default=os.environ.get("FORCELENS_TOKEN"), help="required of every request (default: FORCELENS_TOKEN)"
-    )
+    token = arguments.add_mutually_exclusive_group()
+    token.add_argument("--token-file", type=Path, help="file with the token that every request needs; default: FORCELENS_TOKEN")
+    token.add_argument("--token", help="the token itself; every user of this machine can read it here (ps)")
     arguments.add_argument("--scene", default="free", help="scene to start in (default free)")
     arguments.add_argument("--controller", default="policy", help="controller to start with (default policy)")
     arguments.add_argument("--estimator", default="hybrid", help="force estimator to start with (default hybrid)")
@@ -46,15 +47,15 @@ def main() -> None:
     from server.errors import ServerError
     from server.runner import PortInUseError, serve
     from sim.backends.hardware.config import HardwareConfig
-    from sim.runtime.session import SessionConfig
+    from sim.runtime.simulation import SimulationConfig
 
     try:
         config = ServerConfig(
             host=arguments.host,
             port=arguments.port,
-            token=arguments.token or None,
+            token=_token(arguments),
             open_browser=not arguments.no_browser,
-            session=SessionConfig(
+            session=SimulationConfig(
                 scene=arguments.scene,
                 seed=arguments.seed,
                 pipeline=PipelineConfig(controller=arguments.controller, estimator=arguments.estimator),
@@ -70,6 +71,15 @@ def main() -> None:
         sys.exit(2)
     except KeyboardInterrupt:
         _say(sys.stdout, "Forcelens has stopped")
+
+
+def _token(arguments: argparse.Namespace) -> str | None:
+    from server.config import token_of_file
+
+    if arguments.token_file is not None:
+        return token_of_file(arguments.token_file)
+    # An empty variable is one that is not set; an empty argument is a mistake that would leave the door open.
+    return arguments.token if arguments.token is not None else os.environ.get("FORCELENS_TOKEN") or None
 
 
 def _say(stream: TextIO, text: str) -> None:

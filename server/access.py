@@ -7,18 +7,26 @@
   `?token=` leaves behind (Viser's client cannot be told a token).
 """
 
-import hmac
-from http.cookies import CookieError, SimpleCookie
-from urllib.parse import parse_qs, quote, unquote, urlsplit
+import asyncio
+import contextlib
+from urllib.parse import urlsplit
 
-from starlette.datastructures import Headers, MutableHeaders
+from starlette.datastructures import Headers
 from starlette.responses import JSONResponse
-from starlette.types import ASGIApp, Message, Receive, Scope, Send
+from starlette.types import ASGIApp, Receive, Scope, Send
 from starlette.websockets import WebSocket
 
-COOKIE = "forcelens_token"
+from server.credentials import Credentials
+from server.failed_tries import FailedTries
+from server.page_entry import is_page_load, page_without_secret, shown_in_address, with_cookie
+
 LOOPBACK_NAMES = frozenset({"localhost", "127.0.0.1", "::1"})
 SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
+
+TOKEN_REQUIRED = (
+    "a token is required: open the address that Forcelens printed when it started (it ends with ?token=TOKEN), "
+    "or send 'Authorization: Bearer TOKEN'"
+)
 
 
 def host_name(host: str) -> str:
@@ -31,7 +39,10 @@ def host_name(host: str) -> str:
 
 def same_origin(origin: str, host: str) -> bool:
     """Whether an Origin header names the very host (with port) that was asked."""
-    return urlsplit(origin).netloc.lower() == host.lower() != ""
+    try:
+        return urlsplit(origin).netloc.lower() == host.lower() != ""
+    except ValueError:
+        return False
 
 
 class AccessControl:
@@ -39,65 +50,66 @@ class AccessControl:
 
     Args:
         app: what is protected.
-        token: required of every request, None for none.
+        credentials: what every request must prove itself by, None for nothing.
     """
 
-    def __init__(self, app: ASGIApp, token: str | None) -> None:
+    def __init__(self, app: ASGIApp, credentials: Credentials | None) -> None:
         self._app = app
-        self._token = token
+        self._credentials = credentials
+        self._failed_tries = FailedTries()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] not in ("http", "websocket"):
             await self._app(scope, receive, send)
             return
-        refusal = self._refusal(scope)
-        if refusal is not None:
-            await _refuse(scope, receive, send, *refusal)
-            return
-        if self._token is not None and scope["type"] == "http" and self._token_in_query(scope):
-            await self._app(scope, receive, self._with_cookie(send))
-            return
-        await self._app(scope, receive, send)
+        foreign = self._foreign(scope)
+        if foreign is not None:
+            await _refuse(scope, receive, send, 403, foreign)
+        elif not scope["query_string"].isascii():
+            await _refuse(scope, receive, send, 400, "the query holds bytes that an address may not; write them as %XX")
+        elif self._credentials is None:
+            await self._app(scope, receive, send)
+        else:
+            await self._with_credentials(self._credentials, scope, receive, send)
 
-    def _refusal(self, scope: Scope) -> tuple[int, str] | None:
+    def _foreign(self, scope: Scope) -> str | None:
+        """Why the page that asks is none of ours, None if nothing says so."""
         headers = Headers(scope=scope)
         host = headers.get("host", "")
-        if self._token is None and host_name(host) not in LOOPBACK_NAMES:
-            return 403, f"this server answers to localhost only, not to {host!r}; to serve other names, start it with --token"
-        origin = headers.get("origin")
-        changes = scope["type"] == "websocket" or scope["method"] not in SAFE_METHODS
-        if changes and origin is not None and not same_origin(origin, host):
-            return 403, f"requests from pages of {origin} are refused; use the page of this server"
-        if self._token is not None and not self._has_token(scope, headers):
-            return 401, "a token is required: send 'Authorization: Bearer TOKEN', or open the page with ?token=TOKEN"
-        return None
+        if self._credentials is None and host_name(host) not in LOOPBACK_NAMES:
+            return f"this server answers to localhost only, not to {host!r}; to serve other names, start it with --token-file"
+        if scope["type"] == "http" and scope["method"] in SAFE_METHODS:
+            return None
+        foreign = next((origin for origin in headers.getlist("origin") if not same_origin(origin, host)), None)
+        return None if foreign is None else f"requests from pages of {foreign} are refused; use the page of this server"
 
-    def _has_token(self, scope: Scope, headers: Headers) -> bool:
-        scheme, _, given = headers.get("authorization", "").partition(" ")
-        if scheme.lower() == "bearer" and self._matches(given.strip()):
-            return True
-        try:
-            cookie = SimpleCookie(headers.get("cookie", "")).get(COOKIE)
-        except CookieError:
-            cookie = None
-        return self._token_in_query(scope) or (cookie is not None and self._matches(unquote(cookie.value)))
+    async def _with_credentials(self, credentials: Credentials, scope: Scope, receive: Receive, send: Send) -> None:
+        in_address = shown_in_address(scope)
+        if any(map(credentials.is_token, in_address)) or (is_page_load(scope) and any(map(credentials.redeem, in_address))):
+            app = page_without_secret(scope) if is_page_load(scope) else self._app
+            await app(scope, receive, with_cookie(send, credentials))
+            return
+        headers = Headers(scope=scope)
+        as_bearer = _bearer_tokens(headers)
+        if credentials.in_cookies(headers.getlist("cookie")) or any(map(credentials.is_token, as_bearer)):
+            await self._app(scope, receive, send)
+            return
+        if in_address or as_bearer:
+            await _wait_with(receive, self._failed_tries.delay_s())
+        await _refuse(scope, receive, send, 401, TOKEN_REQUIRED)
 
-    def _token_in_query(self, scope: Scope) -> bool:
-        return any(map(self._matches, parse_qs(scope["query_string"].decode("latin-1")).get("token", [])))
 
-    def _matches(self, given: str) -> bool:
-        return self._token is not None and hmac.compare_digest(given.encode(), self._token.encode())
+def _bearer_tokens(headers: Headers) -> list[bytes]:
+    pairs = (value.partition(" ") for value in headers.getlist("authorization"))
+    return [given.strip(" \t").encode("latin-1") for scheme, _, given in pairs if scheme.lower() == "bearer"]
 
-    def _with_cookie(self, send: Send) -> Send:
-        # Quoted, because a token may hold characters that a cookie may not.
-        cookie = f"{COOKIE}={quote(self._token or '', safe='')}; Path=/; HttpOnly; SameSite=Strict"
 
-        async def send_with_cookie(message: Message) -> None:
-            if message["type"] == "http.response.start":
-                MutableHeaders(scope=message).append("set-cookie", cookie)
-            await send(message)
-
-        return send_with_cookie
+async def _wait_with(receive: Receive, duration_s: float) -> None:
+    """Let a caller wait, as long as it stays."""
+    with contextlib.suppress(TimeoutError):
+        async with asyncio.timeout(duration_s):
+            while (await receive())["type"] not in ("http.disconnect", "websocket.disconnect"):
+                pass
 
 
 async def _refuse(scope: Scope, receive: Receive, send: Send, status: int, message: str) -> None:

@@ -5,11 +5,13 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
+from server.answers.selection import BackendName, RobotOptions
 from server.errors import InvalidFieldError
+from sim.backends.hardware.backend import HardwareBackend
 from sim.backends.hardware.config import HardwareConfig
 from sim.backends.unitree.dds import RobotNetworkError
-from sim.runtime.hardware_session import HardwareSession
-from sim.runtime.session import Session
+from sim.runtime.robot_session import RobotSession
+from sim.runtime.simulation import Simulation, SimulationConfig
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,17 +21,17 @@ class BackendChoice:
     hardware: HardwareConfig | None = None
 
     @property
-    def name(self) -> str:
+    def name(self) -> BackendName:
         """As in REST."""
         return "simulation" if self.hardware is None else "hardware"
 
     def launch(self, *, paused: bool) -> dict[str, Any]:
         """Fields of ControlLaunch. A robot's time cannot be paused."""
         if self.hardware is None:
-            return {"make_session": Session, "paused": paused}
-        return {"make_session": partial(HardwareSession, hardware=self.hardware), "paused": False}
+            return {"make_session": Simulation, "paused": paused}
+        return {"make_session": partial(_robot_session, hardware=self.hardware), "paused": False}
 
-    def options(self) -> dict[str, Any]:
+    def options(self) -> RobotOptions:
         """As in REST."""
         if self.hardware is None:
             return {}
@@ -42,6 +44,10 @@ class BackendChoice:
             "arm_host": arm.host,
             "arm_port": arm.command_port,
         }
+
+
+def _robot_session(config: SimulationConfig, hardware: HardwareConfig) -> RobotSession:
+    return RobotSession(HardwareBackend(hardware), config.pipeline)
 
 
 def with_options(config: HardwareConfig, options: Mapping[str, Any]) -> HardwareConfig:

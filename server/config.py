@@ -2,10 +2,11 @@
 
 import ipaddress
 from dataclasses import dataclass, field
+from pathlib import Path
 
 from server.access import LOOPBACK_NAMES
 from sim.backends.hardware.config import HardwareConfig
-from sim.runtime.session import SessionConfig
+from sim.runtime.simulation import SimulationConfig
 
 
 class ConfigError(ValueError):
@@ -32,16 +33,28 @@ class ServerConfig:
     port: int = 8080
     token: str | None = None
     open_browser: bool = True
-    session: SessionConfig = field(default_factory=SessionConfig)
+    session: SimulationConfig = field(default_factory=SimulationConfig)
     hardware: HardwareConfig = field(default_factory=HardwareConfig)
 
     def __post_init__(self) -> None:
         if self.token is None and not is_loopback(self.host):
             raise ConfigError(
-                f"{self.host} can be reached by others: set a token with --token or FORCELENS_TOKEN, or bind 127.0.0.1"
+                f"{self.host} can be reached by others: set a token with FORCELENS_TOKEN or --token-file, or bind 127.0.0.1"
             )
         if self.token is not None and len(self.token) < 8:
             raise ConfigError("the token is too short; use at least 8 characters")
+
+
+def token_of_file(path: Path) -> str:
+    """The token that a file holds, alone or with a line end.
+
+    Raises:
+        ConfigError: the file cannot be read.
+    """
+    try:
+        return path.read_text(encoding="utf-8", errors="surrogateescape").rstrip("\r\n")
+    except OSError as error:
+        raise ConfigError(f"cannot read the token's file {path}: {error.strerror}") from None
 
 
 def is_loopback(host: str) -> bool:

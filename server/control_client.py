@@ -1,23 +1,21 @@
-"""The web process's handle on the control process: start, events, snapshots, set-points, health, restart."""
+"""The web process's handle on the control process: start, events, snapshots, set-points, e-stop, health, restart."""
 
-import itertools
-import logging
 import multiprocessing
 import os
 import threading
 import time
 from concurrent.futures import Future
-from dataclasses import dataclass, replace
-from multiprocessing.connection import Connection
+from dataclasses import replace
 from multiprocessing.process import BaseProcess
 from typing import Any
 
 import numpy as np
 
+from server import estop_lane
 from server.control_process import ControlLaunch, control_process
-from server.errors import ControlDeadError, ControlTimeoutError, InvalidFieldError, MissingError, RefusedError, ServerError
-from server.messages import Close, Event, Fatal, Outcome, Ready, Reply
-from server.session_events import SLOW_EVENTS
+from server.errors import ControlDeadError, ControlTimeoutError
+from server.estop_lane import EstopLane
+from server.event_channel import EventChannel, dead
 from server.setpoint import default_setpoint
 from sim.processes import shared_record
 from sim.processes.shared_record import SharedRecord
@@ -26,25 +24,17 @@ from sim.runtime.snapshot import SETPOINT, SNAPSHOT
 START_TIMEOUT_S = 60.0
 CALL_TIMEOUT_S = 5.0
 SLOW_CALL_TIMEOUT_S = 30.0
-MAX_PENDING = 64
-
-RESTART_HINT = "POST /api/v1/control/restart starts a fresh one in a safe hold"
-
-_FIELD_OF_EVENT = {"add_wrench": "body", "set_mismatch": "per_link", "reset": "keyframe", "drive": "request"}
-"""What is left for the session to refuse after the request's own checks; of the others it is `name`."""
-
-_log = logging.getLogger(__name__)
-
-
-@dataclass(frozen=True, slots=True)
-class _Call:
-    event: str
-    future: "Future[Any]"
-    sent_s: float
+CLOSE_PATIENCE_S = 2.0
+STALLED_AFTER_S = 1.0
+READ_ATTEMPTS = 10
+"""Of a snapshot, on the event loop: a process that was stopped half-way through writing one leaves it unreadable."""
 
 
 class ControlClient:
     """Supervises one control process at a time. Every method may be called from any thread.
+
+    Attributes:
+        estops: asks for an e-stop, whatever the control process is doing.
 
     Args:
         launch: what the first process is started with.
@@ -53,41 +43,38 @@ class ControlClient:
     def __init__(self, launch: ControlLaunch) -> None:
         self._launch = launch
         self._context = multiprocessing.get_context("spawn")
-        self._state_memory = shared_record.allocate(self._context, SNAPSHOT)
-        self._setpoint_memory = shared_record.allocate(self._context, SETPOINT)
-        self._state = SharedRecord(self._state_memory, SNAPSHOT)
-        self._setpoints = SharedRecord(self._setpoint_memory, SETPOINT)
+        self._memories = (
+            shared_record.allocate(self._context, SNAPSHOT),
+            shared_record.allocate(self._context, SETPOINT),
+            estop_lane.allocate(self._context),
+        )
+        self._state = SharedRecord(self._memories[0], SNAPSHOT)
+        self._setpoints = SharedRecord(self._memories[1], SETPOINT)
+        self.estops = EstopLane(self._memories[2])
         self._setpoint = default_setpoint()
         self._setpoint_lock = threading.Lock()
-        self._lock = threading.Lock()
         self._restart_lock = threading.Lock()
-        self._pending: dict[int, _Call] = {}
-        self._ids = itertools.count(1)
         self._process: BaseProcess | None = None
-        self._pipe: Connection | None = None
-        self._reader: threading.Thread | None = None
-        self._ready: Future[dict[str, Any]] = Future()
-        self._death: str | None = "it has not been started"
+        self._channel: EventChannel | None = None
         self._last: np.ndarray | None = None
 
     @property
     def alive(self) -> bool:
         """Whether the control process runs."""
-        return self._death is None
+        return self.death is None
 
     @property
     def death(self) -> str | None:
         """Why the control process does not run, None while it does."""
-        return self._death
+        return "it has not been started" if self._channel is None else self._channel.death
 
     @property
     def busy(self) -> bool:
-        """Whether it starts, or an event that takes long, such as loading a scene, still waits for its answer."""
-        oldest = time.monotonic() - SLOW_CALL_TIMEOUT_S
-        with self._lock:
-            if self._death is None and not self._ready.done():
-                return True
-            return any(call.event in SLOW_EVENTS and call.sent_s > oldest for call in self._pending.values())
+        """Whether it starts, or works on an event that takes long, such as loading a scene."""
+        channel = self._channel
+        if channel is None or channel.death is not None:
+            return False
+        return not channel.ready.done() or channel.awaits_slow_event(CALL_TIMEOUT_S)
 
     @property
     def pid(self) -> int | None:
@@ -99,59 +86,39 @@ class ControlClient:
         Raises:
             ControlDeadError: no control process runs.
         """
-        if self._death is not None:
-            raise ControlDeadError(f"the control process is dead ({self._death}); {RESTART_HINT}")
+        death = self.death
+        if death is not None:
+            raise dead(death)
 
     def start(self) -> None:
         """Spawn the control process without waiting for it; `wait_ready` does."""
-        with self._lock:
-            # Read by BLAS and OpenMP when the child imports numpy: their threads would fight for the loop's core.
-            for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-                os.environ[name] = "1"
-            ours, theirs = self._context.Pipe()
-            self._ready = Future()
-            process = self._context.Process(
-                target=control_process,
-                args=(self._launch, self._state_memory, self._setpoint_memory, theirs),
-                name="forcelens-control",
-                daemon=True,
-            )
-            process.start()
-            theirs.close()  # so that the child's end is the only one and its death ends the reader
-            self._process, self._pipe, self._death = process, ours, None
-            self._reader = threading.Thread(
-                target=self._read_replies, args=(process, ours), name="control-replies", daemon=True
-            )
-            self._reader.start()
+        # Read by BLAS and OpenMP when the child imports numpy: their threads would fight for the loop's core.
+        for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+            os.environ[name] = "1"
+        ours, theirs = self._context.Pipe()
+        self._process = self._context.Process(
+            target=control_process, args=(self._launch, *self._memories, theirs), name="forcelens-control", daemon=True
+        )
+        self._process.start()
+        theirs.close()  # so that the child's end is the only one and its death ends the channel
+        self._channel = EventChannel(self._process, ours)
 
     def wait_ready(self, timeout_s: float = START_TIMEOUT_S) -> dict[str, Any]:
         """What the session offers, once it ticks.
 
         Raises:
-            ControlDeadError: it died while starting.
+            ControlDeadError: it was not started, or died while starting.
             ControlTimeoutError: it is not ready in time.
         """
         try:
-            return self._ready.result(timeout_s)
+            return self._required().ready.result(timeout_s)
         except TimeoutError:
             raise ControlTimeoutError(f"the control process is not ready after {timeout_s:.0f} s") from None
 
     def close(self) -> None:
         """End the control process, by force if it does not end itself."""
-        with self._lock:
-            process, reader, pipe = self._process, self._reader, self._pipe
-            self._pipe = None
-            if pipe is not None and self._death is None:
-                try:
-                    pipe.send(Close())
-                except OSError:
-                    _log.debug("the control process closed its pipe first")
-        if process is None or reader is None:
-            return
-        process.join(2.0)
-        if process.is_alive():
-            process.kill()
-        reader.join(5.0)
+        if self._channel is not None:
+            self._channel.close(CLOSE_PATIENCE_S)
 
     def restart(self, **changes: Any) -> dict[str, Any]:
         """End what is left of the control process and start a fresh one; returns when there is a snapshot of it.
@@ -178,26 +145,12 @@ class ControlClient:
         return description
 
     def submit(self, event: str, /, **arguments: Any) -> "Future[Any]":
-        """Send an event; the future holds its value, or raises what `call` raises.
+        """Send an event, without waiting; the future holds its value, or raises what `call` raises.
 
         Raises:
-            ControlDeadError: no control process runs.
-            ControlTimeoutError: it has not answered so many events that it must be stuck.
+            ControlDeadError, ControlTimeoutError: see EventChannel.submit.
         """
-        future: Future[Any] = Future()
-        with self._lock:
-            if self._death is not None or self._pipe is None:
-                raise ControlDeadError(f"the control process is dead ({self._death}); {RESTART_HINT}")
-            if len(self._pending) >= MAX_PENDING:
-                raise ControlTimeoutError(f"the control process has not answered {MAX_PENDING} calls; {RESTART_HINT}")
-            key = next(self._ids)
-            self._pending[key] = _Call(event, future, time.monotonic())
-            try:
-                self._pipe.send(Event(key, event, arguments))
-            except OSError:
-                del self._pending[key]
-                raise ControlDeadError(f"the control process is dead; {RESTART_HINT}") from None
-        return future
+        return self._required().submit(event, arguments)
 
     def call(self, event: str, timeout_s: float = CALL_TIMEOUT_S, /, **arguments: Any) -> Any:
         """Send an event and wait for its value.
@@ -215,14 +168,14 @@ class ControlClient:
 
     def snapshot(self) -> np.void | None:
         """The newest SNAPSHOT record, also after the control process died; None before the first."""
-        newest = self._state.read()
+        newest = self._state.read(READ_ATTEMPTS)
         if newest is not None:
             self._last = newest
         return None if self._last is None else self._last[0]
 
     def live_snapshot(self) -> np.void | None:
-        """The newest SNAPSHOT record, None while no control process runs."""
-        return self.snapshot() if self.alive else None
+        """The newest SNAPSHOT record, None while no control process runs, or while it hangs."""
+        return self.snapshot() if self.alive and not self.stalled else None
 
     def require_snapshot(self) -> np.void:
         """The newest SNAPSHOT record.
@@ -238,10 +191,15 @@ class ControlClient:
     def snapshot_age_s(self) -> float:
         """Time since the newest snapshot, infinite before the first."""
         snapshot = self.snapshot()
-        return float("inf") if snapshot is None else time.time() - float(snapshot["wall_time_s"])
+        return float("inf") if snapshot is None else time.monotonic() - float(snapshot["published_s"])
+
+    @property
+    def stalled(self) -> bool:
+        """Whether the control process lives but hangs: it publishes nothing although nothing that takes long was asked."""
+        return self.alive and self.snapshot_age_s() > STALLED_AFTER_S and not self.busy
 
     def write_setpoint(self, **fields: Any) -> None:
-        """Change fields of the set-point that the control process reads, and its heartbeat."""
+        """Change fields of the set-point that the control process reads; also, and without any, a sign of life."""
         with self._setpoint_lock:
             record = self._setpoint[0]
             for name, value in fields.items():
@@ -249,63 +207,12 @@ class ControlClient:
             record["heartbeat_s"] = time.monotonic()
             self._setpoints.write(self._setpoint)
 
-    def heartbeat(self) -> None:
-        """Tell the control process that the operator's side lives."""
-        self.write_setpoint()
+    def unheard_s(self) -> float:
+        """Time for which this side has given no sign of life."""
+        with self._setpoint_lock:
+            return time.monotonic() - float(self._setpoint[0]["heartbeat_s"])
 
-    def _read_replies(self, process: Any, pipe: Connection) -> None:
-        reason = None
-        try:
-            while True:
-                message = pipe.recv()
-                if isinstance(message, Reply):
-                    self._resolve(message)
-                elif isinstance(message, Ready):
-                    self._ready.set_result(message.description)
-                elif isinstance(message, Fatal):
-                    reason = message.message
-        except (EOFError, OSError):
-            process.join(2.0)
-        self._bury(process, reason or f"exit code {process.exitcode}")
-        pipe.close()
-
-    def _bury(self, process: Any, reason: str) -> None:
-        with self._lock:
-            if process is not self._process:
-                return
-            self._death = reason
-            expected = self._pipe is None
-            orphans, self._pending = list(self._pending.values()), {}
-        error = ControlDeadError(f"the control process died ({reason}); {RESTART_HINT}")
-        if not self._ready.done():
-            self._ready.set_exception(error)
-        for call in orphans:
-            call.future.set_exception(error)
-        if not expected:
-            _log.warning("the control process died: %s", reason)
-
-    def _resolve(self, reply: Reply) -> None:
-        with self._lock:
-            call = self._pending.pop(reply.id, None)
-        if call is None or not call.future.set_running_or_notify_cancel():
-            return
-        future, error = call.future, _error(call.event, reply)
-        if error is None:
-            future.set_result(reply.value)
-        else:
-            future.set_exception(error)
-
-
-def _error(event: str, reply: Reply) -> Exception | None:
-    match reply.outcome:
-        case Outcome.DONE:
-            return None
-        case Outcome.INVALID:
-            problem, _, allowed = str(reply.value).partition("; ")
-            return InvalidFieldError(_FIELD_OF_EVENT.get(event, "name"), f"is refused: {problem}", allowed or problem)
-        case Outcome.REFUSED:
-            return RefusedError(reply.value)
-        case Outcome.MISSING:
-            return MissingError(reply.value)
-        case _:
-            return ServerError(reply.value)
+    def _required(self) -> EventChannel:
+        if self._channel is None:
+            raise dead("it has not been started")
+        return self._channel

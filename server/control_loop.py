@@ -1,6 +1,6 @@
-"""The real-time loop: events, set-point, tick, snapshot, every period, and nothing that waits on anyone.
+"""The real-time loop: e-stop, events, set-point, tick, snapshot, every period, and nothing that waits on anyone.
 
-Running and pausing, speed and single steps are the loop's own; everything else is the session's.
+Running, pausing and stepping are the loop's own (server.run_control); everything else is the session's.
 """
 
 import gc
@@ -11,31 +11,25 @@ from typing import Any
 
 import numpy as np
 
-from control.pipeline import TICK_S
-from server.messages import Close, Event, Outcome, Reply
+from control.timing import CONTROL_PERIOD_S, TICK_S, Job, due
+from server.estop_lane import EstopLane
+from server.event_port import EventPort
+from server.messages import Event, Outcome, Reply
 from server.pacing import Pacer
+from server.run_control import RunControl
 from server.session_events import SLOW_EVENTS, EventError, SessionEvents
 from server.setpoint import default_setpoint
-from sim.backends.protocol import BackendError
+from sim.backends.protocol import Backend, BackendError
 from sim.processes.shared_record import SharedRecord
 from sim.runtime.session import Session
+from sim.runtime.simulation import Simulation
 from sim.runtime.snapshot import SNAPSHOT, Mode
 
-PUBLISH_EVERY = 5
-"""Ticks between snapshots (100 Hz, the fastest stream); a change that someone waits for is published at once."""
-
-TRACK_EVERY = 10
-"""Ticks between updates of the live errors. They share the truth of a snapshot, and neither falls on the ticks after a
-multiple of ten, in which the pipeline runs its controller."""
-
-SPEED_RANGE = (0.1, 4.0)
-MAX_STEPS = 5000
 NOTED_HOLD_S = 0.05
 
-_URGENT = "estop"
-_ESTOP_EVENTS = frozenset({"estop", "clear_estop"})
 _RESTARTING = frozenset({"reset", "set_scene"})
-_SEEN_AFTER_A_TICK = _RESTARTING | {"clear_estop"}
+_CLEAR = "clear_estop"
+_SEEN_AFTER_A_TICK = _RESTARTING | {_CLEAR}
 """A hold makes one tick after these, so that the new state is seen."""
 
 _log = logging.getLogger(__name__)
@@ -48,6 +42,7 @@ class ControlLoop:
         session: what is stepped.
         state: SNAPSHOT records go out here.
         setpoints: SETPOINT records come in here.
+        estops: the e-stop comes in here.
         pipe: events come in and replies go out here.
         pacer: keeps time; its period is set here.
         paused: start in a hold instead of running.
@@ -56,9 +51,10 @@ class ControlLoop:
 
     def __init__(
         self,
-        session: Session,
+        session: Session[Backend],
         state: SharedRecord,
         setpoints: SharedRecord,
+        estops: EstopLane,
         pipe: Connection,
         pacer: Pacer,
         *,
@@ -69,12 +65,10 @@ class ControlLoop:
         self._events = SessionEvents(session)
         self._state = state
         self._setpoints = setpoints
-        self._pipe = pipe
+        self._estops = estops
+        self._port = EventPort(pipe)
         self._pacer = pacer
-        self._running = not paused
-        self._speed = 1.0
-        self._steps_left = 1  # so that there is something to show in a hold
-        self._step_event: Event | None = None
+        self._run = RunControl(running=not paused)
         self._failure: str | None = None
         self._setpoint = default_setpoint()
         self._snapshot = np.zeros(1, SNAPSHOT)
@@ -83,34 +77,54 @@ class ControlLoop:
         self._sequence = 0 if previous is None else int(previous[0]["sequence"])  # goes on after a restart
         self._urgent_publish = True
         self._answers: list[tuple[Event, Outcome, Any]] = []
-        self._closed = False
         self._ticks = 0  # since the session's reset
         self._idle = 0  # turns without a tick
 
     def run(self) -> None:
         """Loop until closed."""
-        self._pacer.period_s = TICK_S / self._speed
-        while not self._closed:
+        self._pacer.period_s = self._run.period_s
+        while not self._port.closed:
             self._pacer.wait()
             self.turn()
             self._pacer.finish(self._session.time_s)
 
     def turn(self) -> None:
         """One period's work. Replies go out last, so that whoever has one also sees its effect in the snapshot."""
+        stopped = self._take_estop()
         self._serve_events()
         self._read_setpoint()
-        if self._failure is None and (self._running or self._steps_left > 0):
+        if self._failure is None and self._run.ticking:
             self._tick()
         else:
             self._idle += 1
-        if self._urgent_publish or (self._idle or self._ticks) % PUBLISH_EVERY == 0:
+        # A snapshot that someone waits for does not wait for its slot.
+        if self._urgent_publish or due(Job.SNAPSHOT, (self._idle or self._ticks) - 1):
             self._publish()
+        if stopped is not None:
+            self._estops.take(stopped)
+        self._answer()
+
+    def _take_estop(self) -> int | None:
+        """Latch the e-stop if one is pending; returns its number."""
+        if not self._estops.pending:
+            return None
+        asked = self._estops.asked
+        try:
+            self._session.estop()
+        except BackendError:
+            _log.exception("the backend did not take the e-stop")
+        self._end_step("the e-stop was pressed")
+        self._urgent_publish = True
+        return asked
+
+    def _answer(self) -> None:
         for event, outcome, value in self._answers:
-            if outcome is Outcome.DONE and event.name in _ESTOP_EVENTS:
+            if outcome is Outcome.DONE and event.name == _CLEAR:
                 mode = self._snapshot[0]["mode"]
                 value = {"latched": bool(mode == Mode.ESTOP), "mode": Mode(mode).name.lower()}
-            self._send(Reply(event.id, outcome, value))
+            self._port.post(Reply(event.id, outcome, value))
         self._answers.clear()
+        self._port.flush()
 
     def _tick(self) -> None:
         setpoint = self._setpoint[0]
@@ -120,17 +134,16 @@ class ControlLoop:
             _log.error("the backend failed: %s", error)
             self._failure = str(error)
             self._urgent_publish = True
-            self._end_step(Outcome.REFUSED, self._failure)
+            self._end_step(self._failure)
             return
         self._idle = 0
         self._ticks = round(self._session.time_s / TICK_S)
-        if self._ticks % TRACK_EVERY == PUBLISH_EVERY:
-            self._session.track_errors(TRACK_EVERY * TICK_S)
-        if self._steps_left > 0:
-            self._steps_left -= 1
-            if self._steps_left == 0:
-                self._urgent_publish = True
-                self._end_step(Outcome.DONE, {"time_s": self._session.time_s})
+        if due(Job.LIVE_ERRORS, self._ticks - 1):
+            self._session.track_errors(CONTROL_PERIOD_S)
+        step = self._run.ticked()
+        if step is not None:
+            self._urgent_publish = True
+            self._answers.append((step, Outcome.DONE, {"time_s": self._session.time_s}))
 
     def _read_setpoint(self) -> None:
         # Few attempts: with a higher priority than the writer, waiting for it would never end. The last one still holds.
@@ -147,47 +160,40 @@ class ControlLoop:
         self._sequence += 1
         record["sequence"] = self._sequence
         record["wall_time_s"] = time.time()
+        record["published_s"] = time.monotonic()
         if self._failure is not None:
             record["mode"] = Mode.FAULT
-        elif not self._running and record["mode"] == Mode.RUNNING:
+        elif not self._run.running and record["mode"] == Mode.RUNNING:
             record["mode"] = Mode.PAUSED
         statistics = self._pacer.statistics()
         record["loop_rate_hz"] = statistics.rate_hz
         record["real_time_factor"] = statistics.real_time_factor
         record["overruns"] = statistics.overruns
+        record["overrun_share"] = statistics.overrun_share
         record["rebases"] = statistics.rebases
         record["held_s"] = statistics.held_s
         record["lateness_p99_ms"] = statistics.lateness_p99_ms
         record["tick_median_us"] = statistics.tick_median_us
-        record["speed"] = self._speed
+        record["speed"] = self._run.speed
         self._state.write(self._snapshot)
         self._urgent_publish = False
 
     def _serve_events(self) -> None:
-        if not self._pipe.poll():
-            return
-        waiting: list[Event] = []
-        try:
-            while self._pipe.poll():
-                message = self._pipe.recv()
-                if isinstance(message, Close):
-                    self._closed = True
-                else:
-                    waiting.append(message)
-        except (EOFError, OSError):
-            _log.warning("the web process is gone; ending")
-            self._closed = True
-            return
-        waiting.sort(key=lambda event: event.name != _URGENT)
-        for event in waiting:
+        while (event := self._port.receive()) is not None:
             self._serve(event)
-        self._urgent_publish = True
+            self._urgent_publish = True
+            if event.name in SLOW_EVENTS:
+                return  # the e-stop has its turn before the next one
 
     def _serve(self, event: Event) -> None:
         try:
             if event.name == "step":
-                self._start_steps(event)
+                self._require_simulation("step")
+                self._require_sound_backend()
+                self._run.step(event)
                 return
+            if event.name == _CLEAR:
+                self._require_no_later_estop(event.arguments.pop("estops"))
             value = self._set_run(**event.arguments) if event.name == "run" else self._call_session(event)
             self._answers.append((event, Outcome.DONE, value))
         except EventError as error:
@@ -205,56 +211,48 @@ class ControlLoop:
             if event.name in SLOW_EVENTS:
                 self._pacer.excuse()
         if event.name in _RESTARTING:
+            self._end_step(f"{event.name} came between")
             self._failure = None
             gc.collect()
             gc.freeze()
             self._pacer.excuse()
         if event.name in _SEEN_AFTER_A_TICK:
-            self._steps_left = max(self._steps_left, 1)
+            self._run.show_one()
         held_s = time.perf_counter() - started
         if held_s > NOTED_HOLD_S:
             _log.info("%s held the loop for %.0f ms", event.name, 1e3 * held_s)
         return value
 
+    def _require_no_later_estop(self, cleared: int) -> None:
+        if self._estops.asked != cleared:
+            raise EventError(Outcome.REFUSED, "the e-stop was pressed again meanwhile; POST /api/v1/estop/clear once more")
+
     def _require_simulation(self, what: str) -> None:
-        if not self._session.backend.capabilities.is_simulation:
+        if not isinstance(self._session, Simulation):
             raise EventError(Outcome.REFUSED, f"{what}: simulation only; a robot cannot be held still or sped up by its clock")
+
+    def _require_sound_backend(self) -> None:
+        if self._failure is not None:
+            raise EventError(Outcome.REFUSED, f"the backend failed: {self._failure}; POST /api/v1/reset first")
 
     def _set_run(self, state: str | None, speed: float | None) -> dict[str, Any]:
         self._require_simulation("run and pause")
-        if state == "running" and self._failure is not None:
-            raise EventError(Outcome.REFUSED, f"the backend failed: {self._failure}; POST /api/v1/reset first")
-        if speed is not None and speed != self._speed:
-            self._speed = speed
-            self._pacer.period_s = TICK_S / speed
+        if state == "running":
+            self._require_sound_backend()
         if state is not None:
-            self._running = state == "running"
-            if self._running:
-                self._steps_left = 0
-                self._end_step(Outcome.REFUSED, "stepping ended because the simulation was set running")
-        return {"state": "running" if self._running else "paused", "speed": self._speed}
+            self._end_step(f"the simulation was set {state}")
+        answer = self._run.set(state, speed)
+        self._pace()
+        return answer
 
-    def _start_steps(self, event: Event) -> None:
-        self._require_simulation("step")
-        if self._running:
-            raise EventError(Outcome.REFUSED, 'the simulation is running; POST /api/v1/run {"state": "paused"} first')
-        if self._failure is not None:
-            raise EventError(Outcome.REFUSED, f"the backend failed: {self._failure}; POST /api/v1/reset first")
-        if self._step_event is not None:
-            raise EventError(Outcome.REFUSED, "a step is still under way; wait for its answer")
-        self._step_event = event
-        self._steps_left = event.arguments["ticks"]
+    def _pace(self) -> None:
+        if self._pacer.period_s != self._run.period_s:
+            self._pacer.period_s = self._run.period_s
 
-    def _end_step(self, outcome: Outcome, value: Any) -> None:
-        if self._step_event is not None:
-            event, self._step_event = self._step_event, None
-            self._answers.append((event, outcome, value))
-
-    def _send(self, reply: Reply) -> None:
-        try:
-            self._pipe.send(reply)
-        except (BrokenPipeError, ConnectionResetError):
-            self._closed = True
+    def _end_step(self, reason: str) -> None:
+        step = self._run.cut_short()
+        if step is not None:
+            self._answers.append((step, Outcome.REFUSED, f"stepping ended: {reason}"))
 
 
 def _age_s(setpoint: np.void) -> float:

@@ -12,15 +12,17 @@ from dataclasses import dataclass, field
 from multiprocessing.connection import Connection
 from typing import Any
 
-from control.pipeline import TICK_S
+from control.timing import TICK_S
 from server.control_loop import ControlLoop
+from server.estop_lane import EstopLane
 from server.messages import Fatal, Ready
 from server.pacing import Pacer
 from server.session_events import describe
-from sim.backends.protocol import BackendError
+from sim.backends.protocol import Backend, BackendError
 from sim.processes.realtime import request_realtime
 from sim.processes.shared_record import SharedRecord
-from sim.runtime.session import Session, SessionConfig
+from sim.runtime.session import Session
+from sim.runtime.simulation import Simulation, SimulationConfig
 from sim.runtime.snapshot import SETPOINT, SNAPSHOT
 
 FIFO_PRIORITY = 20
@@ -33,19 +35,21 @@ class ControlLaunch:
     """What a control process is started with; picklable.
 
     Attributes:
-        session: how to make the session.
-        make_session: makes it, in the control process.
+        session: how to make the simulation; a robot's session takes its pipeline.
+        make_session: makes the one or the other, in the control process.
         paused: start in a hold.
         estopped: start with the e-stop latched, because it was when the process before this one died.
     """
 
-    session: SessionConfig = field(default_factory=SessionConfig)
-    make_session: Callable[[SessionConfig], Session] = Session
+    session: SimulationConfig = field(default_factory=SimulationConfig)
+    make_session: Callable[[SimulationConfig], Session[Backend]] = Simulation
     paused: bool = False
     estopped: bool = False
 
 
-def control_process(launch: ControlLaunch, state_memory: Any, setpoint_memory: Any, pipe: Connection) -> None:
+def control_process(
+    launch: ControlLaunch, state_memory: Any, setpoint_memory: Any, estop_memory: Any, pipe: Connection
+) -> None:
     """Run until closed. Errors that end it go through the pipe before it dies with them."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     logging.basicConfig(level=logging.INFO, format="control process: %(levelname)s: %(message)s")
@@ -58,6 +62,7 @@ def control_process(launch: ControlLaunch, state_memory: Any, setpoint_memory: A
             session,
             SharedRecord(state_memory, SNAPSHOT),
             SharedRecord(setpoint_memory, SETPOINT),
+            EstopLane(estop_memory),
             pipe,
             Pacer(TICK_S),
             paused=launch.paused,

@@ -4,10 +4,10 @@ Every method may be called from any thread. A refusal is a RuntimeError or Value
 """
 
 import contextlib
+import logging
 import threading
 import time
 from collections.abc import Iterator, Mapping
-from concurrent.futures import Future
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -27,6 +27,8 @@ from sim.backends.hardware.config import HardwareConfig
 from sim.backends.hardware.states import ACTIVE
 from sim.backends.hardware.status import HardwareStatus
 from sim.runtime.snapshot import COMMAND, Mode, command_to_record, on_hardware
+
+_log = logging.getLogger(__name__)
 
 Choices = dict[str, Any]
 
@@ -58,7 +60,6 @@ class Operator:
         self._hardware = hardware or HardwareConfig()
         self.robot = RobotHandle(client)
         self._switching = threading.Lock()
-        self._stop_on_start = False
         self._lock = threading.Lock()
         self._command = clip_command(DEFAULT_COMMAND, self.limits)
         self._sequence = 0
@@ -70,8 +71,26 @@ class Operator:
         return self._client
 
     def available(self) -> Choices:
-        """Lists `controllers`, `estimators`, `scenes`, `keyframes` and `backends` (with the reason why not)."""
+        """Lists `controllers`, `estimators`, `scenes`, `keyframes` (both empty on a robot), `backends` (and why not)."""
         return self._client.wait_ready()
+
+    def heartbeat(self) -> None:
+        """Tell the control process that the operator's side lives; call it often."""
+        self._notice_absence()
+        self._client.write_setpoint()
+
+    def _notice_absence(self) -> None:
+        """What has stopped because this process was held up, base and drag, stays stopped until somebody asks again."""
+        with self._lock:
+            absent_s = self._client.unheard_s()
+            if absent_s <= self._launch.session.pipeline.safety.setpoint_timeout_s:
+                return
+            if self._command.base_velocity.any():
+                _log.warning("the web process was held up for %.1f s; the base stays stopped until it is asked again", absent_s)
+                self._command = replace(self._command, base_velocity=np.zeros(3))
+                self._sequence += 1
+                self._send()
+            self._client.write_setpoint(drag_active=False)
 
     def command(self) -> tuple[Command, int]:
         """The command as asked, within limits, and its sequence number."""
@@ -79,13 +98,14 @@ class Operator:
             return self._command, self._sequence
 
     def patch_command(self, **fields: Any) -> tuple[Command, int]:
-        """Change the given fields of the command; answers like `command`.
+        """Ask for other values of the given fields of the command; answers like `command`.
 
         Raises:
             InvalidFieldError: names the field and its range; nothing changes.
             RefusedError: the e-stop is latched.
             ControlDeadError: no control process runs.
         """
+        self._notice_absence()
         patch = validated(CommandPatch, {name: _plain(value) for name, value in fields.items()})
         self._client.require_alive()
         if self._latched():
@@ -110,6 +130,7 @@ class Operator:
         """
         if target_in_world is not None and self.robot.choice.hardware is not None:
             raise RefusedError("the ball pulls a simulated hand only; pull the robot's own")
+        self._notice_absence()
         if target_in_world is None:
             self._client.write_setpoint(drag_active=False)
             return
@@ -189,9 +210,18 @@ class Operator:
         return self._client.call("run", state=state, speed=speed)
 
     def step(self, ticks: int) -> dict[str, Any]:
-        """Advance a paused simulation; answers `{time_s}` when done."""
+        """Advance a paused simulation, at its own pace whatever the speed; answers `{time_s}` when done.
+
+        Raises:
+            RefusedError: it runs, or something came between: pause, e-stop, reset.
+            ControlTimeoutError: the machine is too slow for so many; what is left of them is not made.
+        """
         request = validated(StepRequest, {"ticks": _plain(ticks)})
-        return self._client.call("step", SLOW_CALL_TIMEOUT_S, **request)
+        try:
+            return self._client.call("step", SLOW_CALL_TIMEOUT_S, **request)
+        except ControlTimeoutError:
+            self._client.submit("run", state="paused", speed=None)
+            raise
 
     def reset(self, seed: int | None = None, keyframe: str = "stand") -> None:
         """Put the simulated robot back, and the command to its default."""
@@ -199,28 +229,24 @@ class Operator:
         self._client.call("reset", SLOW_CALL_TIMEOUT_S, seed=seed, keyframe=keyframe)
         self._hold()
 
-    def estop(self) -> dict[str, Any]:
-        """Latch the e-stop; answers `{latched, mode}` as the backend reports it."""
-        return self.submit_estop().result(SLOW_CALL_TIMEOUT_S)
+    def estop(self) -> int:
+        """Ask for the e-stop, without waiting for anything; `client.estops.taken` tells when the returned number has acted.
 
-    def submit_estop(self) -> "Future[dict[str, Any]]":
-        """`estop` without waiting for the answer. A robot's I/O process is told first, which needs no control process.
-
-        Raises:
-            ControlDeadError, ControlTimeoutError: see ControlClient.submit; the next control process starts stopped.
+        What finds no control process, or one that hangs, is latched by the next one. A robot's I/O process is told too.
         """
+        number = self._client.estops.ask()
         self.robot.estop()
-        try:
-            return self._client.submit("estop")
-        except ControlDeadError:
-            self._stop_on_start = self.robot.choice.hardware is not None
-            raise
+        return number
 
     def clear_estop(self) -> dict[str, Any]:
-        """Clear the e-stop, with the command at its default; answers `{latched, mode}`."""
+        """Clear the e-stop, with the command at its default; answers `{latched, mode}`.
+
+        Raises:
+            RefusedError: it was pressed again meanwhile.
+        """
+        asked = self._client.estops.asked
         self._hold()
-        self._stop_on_start = False
-        return self._client.call("clear_estop")
+        return self._client.call("clear_estop", estops=asked)
 
     def restart(self, *, force: bool) -> None:
         """Start a fresh control process in a hold: paused, default command, same scene and selection, e-stop kept.
@@ -253,7 +279,7 @@ class Operator:
         """A fresh control process with the selection and the latched e-stop of the last one."""
         session = self._launch.session
         snapshot = self._client.snapshot()
-        estopped = self._latched() or self._stop_on_start
+        estopped = self._latched()
         if snapshot is not None:
             pipeline = replace(
                 session.pipeline, controller=snapshot["controller"].decode(), estimator=snapshot["estimator"].decode()
@@ -264,10 +290,7 @@ class Operator:
         self._hold()
         self.selection = Selection()
         self.robot.choice = choice
-        self._stop_on_start = False
         self._client.restart(session=session, estopped=estopped, **choice.launch(paused=paused))
-        if self._stop_on_start:  # asked for meanwhile
-            self.submit_estop()
 
     def _hold(self) -> None:
         with self._lock:
@@ -283,11 +306,12 @@ class Operator:
 
     def _latched(self) -> bool:
         snapshot = self._client.snapshot()
-        return snapshot is not None and snapshot["mode"] == Mode.ESTOP
+        return self._client.estops.pending or (snapshot is not None and snapshot["mode"] == Mode.ESTOP)
 
     def _require_choice(self, kind: str, name: str) -> None:
         choices = self.available()[kind]
-        if name not in choices:
+        # What is not offered at all, the session refuses with what to do.
+        if choices and name not in choices:
             raise InvalidFieldError(
                 "name" if kind != "keyframes" else "keyframe", f"{name!r} does not exist", ", ".join(choices)
             )

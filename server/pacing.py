@@ -18,6 +18,10 @@ LATENESS_WINDOW = 2500
 """Ticks whose lateness and duration are kept: 5 s at 500 Hz."""
 
 RATE_WINDOW_S = 1.0
+LOOP_OVERRUNS = "LOOP_OVERRUNS"
+"""Name of the fault that a loop which does not keep its rate is shown with."""
+OVERRUN_SHARE_LIMIT = 0.05
+"""More missed deadlines than this, and the loop does not keep its rate."""
 STATISTICS_EVERY = 250
 YIELD_AFTER_S = 0.05
 YIELD_S = 5e-4
@@ -27,12 +31,13 @@ YIELD_S = 5e-4
 class LoopStatistics:
     """How the loop keeps time. Rates are over the last second, quantiles over the last `LATENESS_WINDOW` ticks.
 
-    `held_s` is the time spent on excused work since the start.
+    `held_s` is the time spent on excused work since the start, `overrun_share` that of the window's ticks that were overruns.
     """
 
     rate_hz: float = 0.0
     real_time_factor: float = 0.0
     overruns: int = 0
+    overrun_share: float = 0.0
     rebases: int = 0
     held_s: float = 0.0
     lateness_p99_ms: float = 0.0
@@ -59,12 +64,13 @@ class Pacer:
         self._slept_s = self._due_s
         self._lateness_s = np.zeros(LATENESS_WINDOW)
         self._duration_s = np.zeros(LATENESS_WINDOW)
+        self._overran = np.zeros(LATENESS_WINDOW, bool)
         self._ticks = 0
         self._overruns = 0
         self._rebases = 0
         self._held_s = 0.0
         self._marks: deque[tuple[float, int, float]] = deque()
-        self._quantiles = (0.0, 0.0)
+        self._window = (0.0, 0.0, 0.0)
 
     @property
     def period_s(self) -> float:
@@ -96,6 +102,7 @@ class Pacer:
         self._duration_s[slot] = now - self._started_s
         self._ticks += 1
         self._due_s += self._period_s
+        self._overran[slot] = now > self._due_s
         if now > self._due_s:
             self._overruns += 1
             if now - self._due_s > REBASE_BEHIND_S:
@@ -104,7 +111,7 @@ class Pacer:
         if self._ticks % 25 == 0:
             self._mark(now, simulated_s)
         if self._ticks % STATISTICS_EVERY == 0:
-            self._quantiles = self._measure()
+            self._window = self._measure()
 
     def excuse(self) -> None:
         """Restart the schedule from now after known slow work in this tick, which then is neither late nor an overrun."""
@@ -115,7 +122,7 @@ class Pacer:
 
     def statistics(self) -> LoopStatistics:
         """Statistics up to the last `finish`; cheap enough for every tick."""
-        lateness_p99_s, tick_median_s = self._quantiles
+        lateness_p99_s, tick_median_s, overrun_share = self._window
         rate_hz = factor = 0.0
         if len(self._marks) > 1:
             (first_s, first_ticks, first_simulated_s), (last_s, last_ticks, last_simulated_s) = self._marks[0], self._marks[-1]
@@ -125,6 +132,7 @@ class Pacer:
             rate_hz,
             factor,
             self._overruns,
+            overrun_share,
             self._rebases,
             self._held_s,
             1e3 * lateness_p99_s,
@@ -138,8 +146,8 @@ class Pacer:
         while now - self._marks[0][0] > RATE_WINDOW_S and len(self._marks) > 2:
             self._marks.popleft()
 
-    def _measure(self) -> tuple[float, float]:
+    def _measure(self) -> tuple[float, float, float]:
         count = min(self._ticks, LATENESS_WINDOW)
         rank = min(count - 1, int(0.99 * count))
         lateness = np.partition(self._lateness_s[:count], rank)[rank]
-        return float(lateness), float(np.median(self._duration_s[:count]))
+        return float(lateness), float(np.median(self._duration_s[:count])), float(self._overran[:count].mean())

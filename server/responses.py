@@ -1,22 +1,24 @@
-"""Answers that several routes share, and their examples for /docs."""
+"""Answers that routes share, and the refusals that OpenAPI tells of."""
 
 from typing import Any
 
 from fastapi import Response
 
+from server.answers.refusals import InvalidAnswer, RefusalAnswer
+from server.answers.schema import EXAMPLES
 from server.state import encode
 
-REFUSED_EXAMPLE = {"detail": "the e-stop is latched; POST /api/v1/estop/clear first"}
-INVALID_EXAMPLE = {
-    "detail": [
-        {
-            "field": "force_n[2]",
-            "msg": "force_n[2] is outside the allowed range; allowed: -40 to 40 N",
-            "allowed": "-40 to 40 N",
-        }
-    ],
+_MEANING = {
+    400: "The request is malformed",
+    401: "The token is missing or wrong",
+    403: "The request comes from a foreign page or for a foreign host name",
+    404: "What the path names does not exist",
+    409: "The state forbids it; the message says what to do",
+    413: "The body is too large",
+    422: "A field is not allowed; nothing changed",
+    500: "A defect; the console's log tells more",
+    503: "No control process runs, or it does not answer",
 }
-DEAD_EXAMPLE = {"detail": "the control process is dead (exit code -9); POST /api/v1/control/restart starts a fresh one"}
 
 
 def json_response(value: Any, status_code: int = 200) -> Response:
@@ -24,22 +26,20 @@ def json_response(value: Any, status_code: int = 200) -> Response:
     return Response(encode(value), status_code=status_code, media_type="application/json")
 
 
-def _described(description: str, example: Any) -> dict[str, Any]:
-    return {"description": description, "content": {"application/json": {"example": example}}}
+def refusals(*statuses: int) -> dict[int | str, dict[str, Any]]:
+    """OpenAPI responses of a call that may be refused with these statuses."""
+    return {status: _refusal(status) for status in statuses}
 
 
-def answers(example: Any, *, status: int = 200, description: str = "Done", refusable: bool = True) -> dict[int | str, Any]:
-    """OpenAPI responses of a call: its answer by example and the errors that it shares with the others.
+def _refusal(status: int) -> dict[str, Any]:
+    response: dict[str, Any] = {
+        "model": InvalidAnswer if status == 422 else RefusalAnswer,
+        "description": _MEANING[status],
+    }
+    if str(status) in EXAMPLES:
+        response["content"] = {"application/json": {"example": EXAMPLES[str(status)]}}
+    return response
 
-    Args:
-        example: of the answer.
-        status: of the answer.
-        description: of the answer.
-        refusable: whether the call can be refused or needs the control process.
-    """
-    responses: dict[int | str, Any] = {status: _described(description, example)}
-    if refusable:
-        responses[409] = _described("The state forbids it; the message says what to do", REFUSED_EXAMPLE)
-        responses[422] = _described("A field is not allowed; nothing changed", INVALID_EXAMPLE)
-        responses[503] = _described("No control process runs", DEAD_EXAMPLE)
-    return responses
+
+ANY_CALL = refusals(400, 401, 403, 500)
+"""What every call may answer."""

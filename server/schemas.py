@@ -6,8 +6,9 @@ from pydantic import ConfigDict, Field, model_validator
 from pydantic_core import PydanticCustomError
 
 from control.command.limits import CommandLimits
-from server.control_loop import MAX_STEPS, SPEED_RANGE
+from control.timing import TICK_S
 from server.fields import Mask, Number, RequestModel, Vector
+from server.run_control import MAX_STEPS, SPEED_RANGE
 from sim.backends.simulation.mismatch import MASS_SCALE_RANGE
 
 LIMITS = CommandLimits()
@@ -19,9 +20,11 @@ _VELOCITY = Vector((LIMITS.velocity_x_mps, LIMITS.velocity_y_mps, LIMITS.yaw_rat
 _ANY_FORCE = Vector(((-200.0, 200.0),) * 3, "N")
 _ANY_TORQUE = Vector(((-50.0, 50.0),) * 3, "N m")
 _ANY_POINT = Vector(((-2.0, 2.0),) * 3, "m")
-_DURATION = Number((0.002, 600.0), "s")
+_DURATION = Number((TICK_S, 600.0), "s")
 _GAIN = Number((0.1, 1000.0))
 _SEED = Number((0, 2**31 - 1))
+
+MAX_LINKS = 64
 
 Name = Annotated[str, Field(min_length=1, max_length=64)]
 
@@ -144,7 +147,7 @@ class MismatchRequest(RequestModel):
     model_config = _examples({"mass_scale": 1.2}, {"mass_scale": 1.0, "per_link": {"base": 1.3}})
 
     mass_scale: Annotated[float, Number(MASS_SCALE_RANGE)]
-    per_link: dict[Name, Annotated[float, Number(MASS_SCALE_RANGE)]] = Field(default_factory=dict)
+    per_link: dict[Name, Annotated[float, Number(MASS_SCALE_RANGE)]] = Field(default_factory=dict, max_length=MAX_LINKS)
 
 
 class WrenchRequest(RequestModel):

@@ -8,14 +8,29 @@ import numpy as np
 
 from server.messages import Outcome
 from sim.backends.hardware.backend import unavailable_because
-from sim.backends.protocol import BackendError
+from sim.backends.protocol import Backend, BackendError
+from sim.backends.simulation.applied_wrenches import ActiveWrench
 from sim.backends.simulation.mujoco_backend import KEYFRAMES
-from sim.runtime.hardware_session import HardwareSession
+from sim.runtime.robot_session import RobotSession
 from sim.runtime.session import Session, SessionError
+from sim.runtime.simulation import Simulation
 from sim.scenes import SCENE_NAMES
 
 SLOW_EVENTS = frozenset({"reset", "set_scene", "select_controller", "set_mismatch"})
 """Known to take longer than a tick; the loop excuses them."""
+
+_SIMULATION_ONLY = {
+    "reset": "reset",
+    "set_scene": "the scene",
+    "set_mismatch": "mismatch",
+    "add_wrench": "wrenches",
+    "list_wrenches": "wrenches",
+    "remove_wrench": "wrenches",
+}
+_NOT_OFFERED = {
+    event: f"{what}: simulation only; PUT /api/v1/backend with 'simulation' first" for event, what in _SIMULATION_ONLY.items()
+} | {"drive": "the simulated robot has no drives to engage; PUT /api/v1/backend with 'hardware' first"}
+"""Why a session that does not offer an event refuses it, and what to do."""
 
 
 class EventError(Exception):
@@ -26,14 +41,15 @@ class EventError(Exception):
         self.outcome = outcome
 
 
-def describe(session: Session) -> dict[str, Any]:
-    """What can be selected, for pages and error messages."""
+def describe(session: Session[Backend]) -> dict[str, Any]:
+    """What can be selected, for pages and error messages; no scenes and keyframes but in simulation."""
     reason = unavailable_because()
+    simulated = isinstance(session, Simulation)
     return {
         "controllers": list(session.pipeline.controller_names),
         "estimators": list(session.pipeline.estimator_names),
-        "scenes": list(SCENE_NAMES),
-        "keyframes": list(KEYFRAMES),
+        "scenes": list(SCENE_NAMES) if simulated else [],
+        "keyframes": list(KEYFRAMES) if simulated else [],
         "backends": [
             {"name": "simulation", "available": True, "reason": None},
             {"name": "hardware", "available": reason is None, "reason": reason},
@@ -41,24 +57,33 @@ def describe(session: Session) -> dict[str, Any]:
     }
 
 
+def offered_events(session: Session[Backend]) -> dict[str, Callable[..., Any]]:
+    """The calls of a session by the names of their events: those of every session, and those that only its kind has."""
+    events: dict[str, Callable[..., Any]] = {
+        "select_controller": session.select_controller,
+        "select_estimator": session.select_estimator,
+        "estop": session.estop,
+        "clear_estop": session.clear_estop,
+    }
+    if isinstance(session, Simulation):
+        events |= {
+            "reset": session.reset,
+            "set_scene": session.set_scene,
+            "set_mismatch": session.set_mismatch,
+            "add_wrench": session.add_wrench,
+            "list_wrenches": lambda: [_wrench_fields(active) for active in session.list_wrenches()],
+            "remove_wrench": session.remove_wrench,
+        }
+    if isinstance(session, RobotSession):
+        events["drive"] = session.drive
+    return events
+
+
 class SessionEvents:
     """Carries out events on one session, between two ticks."""
 
-    def __init__(self, session: Session) -> None:
-        self._session = session
-        self._handlers: Mapping[str, Callable[..., Any]] = {
-            "reset": session.reset,
-            "set_scene": session.set_scene,
-            "select_controller": session.select_controller,
-            "select_estimator": session.select_estimator,
-            "set_mismatch": session.set_mismatch,
-            "estop": session.estop,
-            "clear_estop": session.clear_estop,
-            "add_wrench": session.add_wrench,
-            "list_wrenches": self._list_wrenches,
-            "remove_wrench": session.remove_wrench,
-            "drive": self._drive,
-        }
+    def __init__(self, session: Session[Backend]) -> None:
+        self._offered: Mapping[str, Callable[..., Any]] = offered_events(session)
 
     def carry_out(self, name: str, arguments: dict[str, Any]) -> Any:
         """Call the session.
@@ -66,9 +91,10 @@ class SessionEvents:
         Raises:
             EventError: refused or invalid; the message says why and what to do.
         """
-        handler = self._handlers[name]
+        if name not in self._offered:
+            raise EventError(Outcome.REFUSED, _NOT_OFFERED[name])
         try:
-            return handler(**arguments)
+            return self._offered[name](**arguments)
         except (SessionError, BackendError) as error:
             raise EventError(Outcome.REFUSED, str(error)) from error
         except ValueError as error:
@@ -76,17 +102,8 @@ class SessionEvents:
         except KeyError as error:
             raise EventError(Outcome.MISSING, str(error.args[0])) from error
 
-    def _drive(self, request: str) -> int:
-        if not isinstance(self._session, HardwareSession):
-            raise SessionError("the simulated robot has no drives to engage; PUT /api/v1/backend with 'hardware' first")
-        return self._session.drive(request)
 
-    def _list_wrenches(self) -> list[dict[str, Any]]:
-        return [
-            {"id": active.id, "remaining_s": active.remaining_s, **_plain(asdict(active.source))}  # pyright: ignore[reportArgumentType]
-            for active in self._session.list_wrenches()
-        ]
-
-
-def _plain(fields: dict[str, Any]) -> dict[str, Any]:
-    return {name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in fields.items()}
+def _wrench_fields(active: ActiveWrench) -> dict[str, Any]:
+    fields = asdict(active.source)  # pyright: ignore[reportArgumentType]
+    plain = {name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in fields.items()}
+    return {"id": active.id, "remaining_s": active.remaining_s, **plain}

@@ -1,6 +1,6 @@
 """A SNAPSHOT record as the JSON object of `GET /api/v1/state` and the stream, section by section.
 
-What is not available is null, never NaN and never zero.
+server.answers.state tells what each section means. What is not available is null, never NaN and never zero.
 """
 
 import math
@@ -13,12 +13,12 @@ import numpy as np
 from control.joints import JOINT_NAMES, LEGS
 from control.safety import Fault
 from control.types import Command
+from server.answers.command import CommandAnswer, CommandFields
+from server.answers.state import Base, Contact, Drive, EndEffector, Joints, Loop
+from server.pacing import LOOP_OVERRUNS, OVERRUN_SHARE_LIMIT
+from server.silence import NO_SILENCE, Silence
 from sim.backends.hardware.states import DriveState, Trip, describe
 from sim.runtime.snapshot import Mode, on_hardware
-
-CONTROL_PROCESS_DEAD = "CONTROL_PROCESS_DEAD"
-
-Json = dict[str, Any]
 
 
 def _vector(values: np.ndarray) -> list[float] | None:
@@ -30,12 +30,14 @@ def _number(value: Any) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
-def _faults(record: np.void) -> list[str]:
-    return [fault.name for fault in Fault(int(record["faults"])) if fault.name is not None]
+def faults(record: np.void) -> list[str]:
+    """Names of what is wrong: what the safety gate reports, and whether the loop keeps its rate."""
+    names = [fault.name for fault in Fault(int(record["faults"])) if fault.name is not None]
+    return names if record["overrun_share"] < OVERRUN_SHARE_LIMIT else [*names, LOOP_OVERRUNS]
 
 
-def command_fields(record: np.void) -> Json:
-    """A COMMAND record as the JSON object of `GET /api/v1/command`."""
+def command_fields(record: np.void) -> CommandFields:
+    """A COMMAND record as the state shows it."""
     return {
         "mask": record["mask"].tolist(),
         "force_n": record["force_n"].tolist(),
@@ -46,10 +48,10 @@ def command_fields(record: np.void) -> Json:
     }
 
 
-def command_json(command: Command, sequence: int) -> Json:
+def command_json(command: Command, sequence: int) -> CommandAnswer:
     """A command and its sequence number as the answer of `/api/v1/command`."""
     return {
-        "mask": [int(item) for item in command.mask],
+        "mask": [1 if item else 0 for item in command.mask],
         "force_n": command.force_n.tolist(),
         "position_m": command.position_m.tolist(),
         "orientation_wxyz": command.orientation_wxyz.tolist(),
@@ -59,7 +61,7 @@ def command_json(command: Command, sequence: int) -> Json:
     }
 
 
-def _base(record: np.void) -> Json:
+def _base(record: np.void) -> Base:
     return {
         "position_m": _vector(record["base_position"]),
         "orientation_wxyz": _vector(record["base_orientation_wxyz"]),
@@ -68,9 +70,9 @@ def _base(record: np.void) -> Json:
     }
 
 
-def _joints(record: np.void) -> Json:
+def _joints(record: np.void) -> Joints:
     return {
-        "names": JOINT_NAMES,
+        "names": list(JOINT_NAMES),
         "position": record["joint_position"].tolist(),
         "velocity": record["joint_velocity"].tolist(),
         "torque": record["joint_torque"].tolist(),
@@ -81,7 +83,7 @@ def _estimators(record: np.void) -> Iterable[tuple[str, int]]:
     return ((name.decode(), index) for index, name in enumerate(record["estimator_names"]) if name)
 
 
-def _end_effector(record: np.void) -> Json:
+def _end_effector(record: np.void) -> EndEffector:
     return {
         "position_m": _vector(record["end_effector_position"]),
         "orientation_wxyz": _vector(record["end_effector_orientation_wxyz"]),
@@ -92,7 +94,7 @@ def _end_effector(record: np.void) -> Json:
     }
 
 
-def _contacts(record: np.void) -> list[Json]:
+def _contacts(record: np.void) -> list[Contact]:
     return [
         {
             "wheel": leg,
@@ -104,7 +106,7 @@ def _contacts(record: np.void) -> list[Json]:
     ]
 
 
-def _drive(record: np.void) -> Json | None:
+def _drive(record: np.void) -> Drive | None:
     """State of a robot's drives; None in simulation."""
     if not on_hardware(record):
         return None
@@ -116,12 +118,13 @@ def _drive(record: np.void) -> Json | None:
     }
 
 
-def loop_json(record: np.void) -> Json:
+def loop_json(record: np.void) -> Loop:
     """How the control loop keeps time."""
     return {
         "rate_hz": float(record["loop_rate_hz"]),
         "real_time_factor": float(record["real_time_factor"]),
         "overruns": int(record["overruns"]),
+        "overrun_share": float(record["overrun_share"]),
         "lateness_p99_ms": float(record["lateness_p99_ms"]),
         "tick_median_us": float(record["tick_median_us"]),
         "rebases": int(record["rebases"]),
@@ -140,8 +143,9 @@ SECTIONS: dict[str, Callable[[np.void], Any]] = {
     "time_s": lambda record: float(record["time_s"]),
     "wall_time_s": lambda record: float(record["wall_time_s"]),
     "sequence": lambda record: int(record["sequence"]),
+    "stale_s": lambda _: 0.0,
     "mode": lambda record: Mode(int(record["mode"])).name.lower(),
-    "faults": _faults,
+    "faults": faults,
     "backend": lambda record: record["backend"].decode(),
     "drive": _drive,
     "scene": lambda record: record["scene"].decode(),
@@ -162,14 +166,16 @@ ALWAYS = ("sequence", "time_s", "mode", "faults")
 """Sections that every stream carries, so that a reader can see skips and stops."""
 
 
-def state_json(record: np.void, fields: Iterable[str] = SECTIONS, *, alive: bool = True) -> Json:
-    """The chosen sections of a snapshot; of a dead control process it is the last one, marked as a fault."""
+def state_json(record: np.void, fields: Iterable[str] = SECTIONS, *, silence: Silence = NO_SILENCE) -> dict[str, Any]:
+    """The chosen sections of a snapshot; of a silent control process it is the last one, marked as a fault."""
     state = {name: SECTIONS[name](record) for name in fields}
-    if not alive:
+    if "stale_s" in state:
+        state["stale_s"] = silence.stale_s
+    if silence.fault is not None:
         if "mode" in state:
             state["mode"] = Mode.FAULT.name.lower()
         if "faults" in state:
-            state["faults"] = [*state["faults"], CONTROL_PROCESS_DEAD]
+            state["faults"] = [*state["faults"], silence.fault]
         if "loop" in state:
             state["loop"] |= {"rate_hz": 0.0, "real_time_factor": 0.0}
     return state

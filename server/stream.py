@@ -12,12 +12,15 @@ from fastapi import APIRouter, WebSocket, WebSocketDisconnect
 from server.control_client import ControlClient
 from server.errors import InvalidFieldError
 from server.responses import json_response
+from server.silence import Silence, silence_of
 from server.state import ALWAYS, SECTIONS, encode, state_json
 
 RATE_RANGE_HZ = (1.0, 100.0)
 DEFAULT_RATE_HZ = 30.0
 REPEAT_AFTER_S = 0.5
 """An unchanged snapshot is sent again after this, so that a silent socket means a lost connection."""
+
+Version = tuple[int, Silence]
 
 router = APIRouter()
 
@@ -59,22 +62,22 @@ class SnapshotEncoder:
 
     def __init__(self, client: ControlClient) -> None:
         self._client = client
-        self._version: tuple[int, bool] | None = None
+        self._version: Version | None = None
         self._texts: dict[tuple[str, ...], str] = {}
 
-    def newest(self, fields: tuple[str, ...]) -> tuple[tuple[int, bool], str] | None:
+    def newest(self, fields: tuple[str, ...]) -> tuple[Version, str] | None:
         """Version and text of the newest snapshot, None before the first. The version changes with the content."""
         record = self._client.snapshot()
         if record is None:
             return None
-        alive = self._client.alive
-        version = (int(record["sequence"]), alive)
+        silent = silence_of(self._client)
+        version = (int(record["sequence"]), silent)
         if version != self._version:
             self._version = version
             self._texts.clear()
         text = self._texts.get(fields)
         if text is None:
-            text = self._texts[fields] = encode(state_json(record, fields, alive=alive)).decode()
+            text = self._texts[fields] = encode(state_json(record, fields, silence=silent)).decode()
         return version, text
 
 

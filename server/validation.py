@@ -38,6 +38,10 @@ def _explain(kind: str, context: Mapping[str, Any], message: str) -> tuple[str, 
             return "is no valid choice", str(context["expected"])
         case "bool_type":
             return "must be a boolean", "true or false"
+        case "too_long":
+            return "has too many entries", f"at most {context['max_length']}"
+        case "string_too_long":
+            return "is too long", f"at most {context['max_length']} characters"
         case "json_invalid":
             return f"is no valid JSON ({context['error']})", "a JSON object"
         case _:

@@ -1,19 +1,17 @@
-"""Viser behind our own port: its page at `/viser/`, and its websocket relayed to the loopback server.
+"""Viser behind our own port: its page at `/viser/`, and its websocket relayed to the server behind `web.viser_door`.
 
 Viser's client derives the socket's address from the page's, so the page at `/viser/` connects to `/viser`.
 """
 
 import asyncio
+import contextlib
 import gzip
 import logging
 from functools import cache
 
-import websockets
 from fastapi import APIRouter, Request, Response, WebSocket
-from websockets.asyncio.client import ClientConnection
-from websockets.exceptions import ConnectionClosed
-from websockets.typing import Subprotocol
 
+from web.viser_door import DoorClosedError, ViserDoor, Visitor
 from web.viser_page import viser_page
 
 PUBLIC_TUNNEL = b"ShareUrlRequest"
@@ -41,46 +39,42 @@ def page(request: Request) -> Response:
 @router.websocket("/viser")
 async def relay(socket: WebSocket) -> None:
     """Copy messages both ways until either side ends. Waiting for a slow browser stops reading, so Viser culls."""
-    port: int = socket.app.state.viser_port
-    protocols = [Subprotocol(name) for name in socket.scope.get("subprotocols", [])]
+    door: ViserDoor = socket.app.state.scene
     try:
-        upstream = await websockets.connect(
-            f"ws://127.0.0.1:{port}",
-            subprotocols=protocols or None,
-            max_size=None,
-            compression=None,
-            ping_interval=None,
-            proxy=None,
-        )
-    except (OSError, websockets.WebSocketException) as error:
-        _log.warning("the 3-D scene's server does not answer: %s", error)
+        async with door.connect(socket.scope.get("subprotocols", [])) as scene:
+            await socket.accept(subprotocol=scene.subprotocol)
+            await _copy(socket, scene)
+    except DoorClosedError as error:
+        _log.warning("the 3-D scene does not answer: %s", error)
         await socket.close(1011)
-        return
-    async with upstream:
-        await socket.accept(subprotocol=upstream.subprotocol)
-        copies = [asyncio.create_task(_to_viser(socket, upstream)), asyncio.create_task(_to_browser(upstream, socket))]
-        _, running = await asyncio.wait(copies, return_when=asyncio.FIRST_COMPLETED)
-        for task in running:
-            task.cancel()
-        await asyncio.gather(*copies, return_exceptions=True)
 
 
-async def _to_viser(socket: WebSocket, upstream: ClientConnection) -> None:
+async def _copy(socket: WebSocket, scene: Visitor) -> None:
+    copies = [asyncio.create_task(_to_viser(socket, scene)), asyncio.create_task(_to_browser(scene, socket))]
+    _, running = await asyncio.wait(copies, return_when=asyncio.FIRST_COMPLETED)
+    for task in running:
+        task.cancel()
+    await asyncio.gather(*copies, return_exceptions=True)
+
+
+async def _to_viser(socket: WebSocket, scene: Visitor) -> None:
     while (message := await socket.receive())["type"] != "websocket.disconnect":
         data = message.get("bytes")
         if data is not None and PUBLIC_TUNNEL in data:
             _log.warning("a browser asked Viser for a public tunnel to this robot; refused")
             continue
         try:
-            await upstream.send(message["text"] if data is None else data)
-        except ConnectionClosed:
+            await scene.send(message["text"] if data is None else data)
+        except DoorClosedError:
             return
 
 
-async def _to_browser(upstream: ClientConnection, socket: WebSocket) -> None:
-    async for message in upstream:
-        if isinstance(message, str):
-            await socket.send_text(message)
-        else:
-            await socket.send_bytes(message)
+async def _to_browser(scene: Visitor, socket: WebSocket) -> None:
+    with contextlib.suppress(DoorClosedError):
+        while True:
+            message = await scene.receive()
+            if isinstance(message, str):
+                await socket.send_text(message)
+            else:
+                await socket.send_bytes(message)
     await socket.close()

@@ -1,20 +1,21 @@
-"""The web process' two servers: the 3-D scene on loopback, and uvicorn with everything that browsers reach."""
+"""The web process' two servers: the 3-D scene, which has no port, and uvicorn with everything that browsers reach."""
 
-import contextlib
-import io
 import os
 import socket
 import sys
 import threading
 import webbrowser
 from collections.abc import Callable
+from urllib.parse import quote
 
 import uvicorn
 from fastapi import FastAPI
 
 from server.app import create_app
 from server.config import ServerConfig
+from server.credentials import Credentials, token_bytes
 from server.operator import Operator
+from server.page_entry import SECRET
 from server.websocket_protocol import ShallowWebSocketProtocol
 from web.console import Console
 
@@ -29,17 +30,22 @@ MAX_MESSAGE_BYTES = 64 * 2**20
 def run_web_server(config: ServerConfig, listener: socket.socket, operator: Operator, announce: Callable[[str], None]) -> None:
     """Serve on `listener` until interrupted; see server.runner.serve."""
     operator.client.wait_ready()
-    with contextlib.redirect_stdout(io.StringIO()):  # Viser announces its own address, which is not the one to open
-        console = Console(operator, operator.client.live_snapshot)
+    console = Console(operator, operator.client.live_snapshot)
     console.start()
     try:
-        app = create_app(operator, viser_port=console.port, token=config.token)
-        address = page_address(config, listener)
-        server = _Server(uvicorn_config(app), lambda: _open_page(config, address, announce))
+        credentials = None if config.token is None else Credentials(config.token)
+        app = create_app(operator, scene=console.door, credentials=credentials)
+        port: int = listener.getsockname()[1]
+
+        def on_started() -> None:
+            announce(page_address(config.host, port, config.token))
+            if config.open_browser:
+                _open_browser(page_address(config.host, port, None if credentials is None else credentials.issue_ticket()))
+
+        server = _Server(uvicorn_config(app), on_started)
         server.run(sockets=[listener])
     finally:
-        with contextlib.redirect_stdout(io.StringIO()):
-            console.stop()
+        console.stop()
 
 
 def uvicorn_config(app: FastAPI) -> uvicorn.Config:
@@ -57,12 +63,18 @@ def uvicorn_config(app: FastAPI) -> uvicorn.Config:
     )
 
 
-def page_address(config: ServerConfig, listener: socket.socket) -> str:
-    """Address of the page for a browser on this machine."""
-    host = {"0.0.0.0": "127.0.0.1", "::": "::1"}.get(config.host, config.host)
+def page_address(host: str, port: int, secret: str | None) -> str:
+    """Address of the page for a browser on this machine.
+
+    Args:
+        host: that is bound.
+        port: that is bound.
+        secret: token or ticket that the address shall carry.
+    """
+    host = {"0.0.0.0": "127.0.0.1", "::": "::1"}.get(host, host)
     host = f"[{host}]" if ":" in host else host
-    query = "" if config.token is None else f"?token={config.token}"
-    return f"http://{host}:{listener.getsockname()[1]}/{query}"
+    query = "" if secret is None else f"?{SECRET}={quote(token_bytes(secret), safe='')}"
+    return f"http://{host}:{port}/{query}"
 
 
 class _Server(uvicorn.Server):
@@ -75,8 +87,7 @@ class _Server(uvicorn.Server):
         self._on_started()
 
 
-def _open_page(config: ServerConfig, address: str, announce: Callable[[str], None]) -> None:
-    announce(address)
+def _open_browser(address: str) -> None:
     display = sys.platform in ("darwin", "win32") or any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY"))
-    if config.open_browser and display:
+    if display:
         threading.Thread(target=webbrowser.open, args=(address,), name="open-browser", daemon=True).start()

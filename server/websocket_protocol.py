@@ -1,10 +1,12 @@
 """uvicorn's websocket protocol with small send buffers, so that a slow reader skips snapshots instead of queueing them.
 
 A reader of the stream may also be slow to answer pings; only the sockets that operate the robot must answer at once.
+A handshake that cannot be read is refused here: uvicorn would keep its connection for ever, or fail on it.
 """
 
 import socket
 from asyncio import BaseTransport, Transport
+from http import HTTPStatus
 from typing import cast
 
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
@@ -26,10 +28,24 @@ class ShallowWebSocketProtocol(WebSocketsSansIOProtocol):
         if connection is not None and hasattr(socket, "TCP_NOTSENT_LOWAT"):
             connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NOTSENT_LOWAT, SEND_BUFFER_BYTES)
 
+    def data_received(self, data: bytes) -> None:
+        super().data_received(data)
+        if self.conn.handshake_exc is not None and not self.handshake_initiated:
+            self._refuse()
+
     def handle_connect(self, event: Request) -> None:
+        if not all(map(str.isascii, (event.path, *event.headers.get_all("Sec-WebSocket-Protocol")))):
+            self._refuse()
+            return
         if event.path.partition("?")[0] == READER_PATH:
             self.ping_timeout = READER_PING_TIMEOUT_S
         super().handle_connect(event)
+
+    def _refuse(self) -> None:
+        self.handshake_initiated = self.handshake_complete = self.close_sent = True
+        refusal = self.conn.reject(HTTPStatus.BAD_REQUEST, "this handshake is too long or holds bytes that it may not\n")
+        self.transport.write(refusal.serialize())
+        self.transport.close()
 
     def keepalive_timeout(self) -> None:
         # This loop may itself have been held up, with the answer still unread.

@@ -17,8 +17,9 @@ from typing import Any
 
 import numpy as np
 
-from control.learning.rollout_data import PERIOD_S, SPLITS, save_rollout, write_manifest
+from control.learning.rollout_data import SPLITS, save_rollout, write_manifest
 from control.provenance import commit
+from control.timing import CONTROL_PERIOD_S
 from sim import scenes
 from sim.processes.executors import EXECUTOR_NAMES, map_unordered
 from sim.trials.rollout_plans import RolloutPlan, plan_rollouts
@@ -126,7 +127,7 @@ def _manifest(entries: list[dict[str, Any]], seed: int, command: str) -> dict[st
         "seed": seed,
         "command": command,
         "commit": commit(),
-        "period_s": PERIOD_S,
+        "period_s": CONTROL_PERIOD_S,
         "counts": {split: sum(entry["split"] == split for entry in kept) for split in SPLITS},
         "attempts": len(kept) + len(reasons),
         "rejected": {reason: reasons.count(reason) for reason in sorted(set(reasons))},

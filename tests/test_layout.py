@@ -95,6 +95,12 @@ def test_one_file_knows_how_deep_it_lies() -> None:
     assert not [path for path in sources() if ".parents[" in path.read_text() and path not in allowed]
 
 
+def test_every_folder_of_tests_is_a_package() -> None:
+    # Fixtures of package scope end with their folder, and helpers are found by one name wherever pytest starts.
+    folders = {path.parent for path in (ROOT / "tests").rglob("*.py")}
+    assert not [folder for folder in folders if not (folder / "__init__.py").is_file()]
+
+
 def test_the_pipeline_loads_without_a_simulator() -> None:
     code = "import sys, control.pipeline; assert not {'mujoco', 'viser', 'fastapi', 'torch'} & set(sys.modules)"
     subprocess.run([sys.executable, "-c", code], check=True, cwd=ROOT)
@@ -112,6 +118,6 @@ def test_an_installed_copy_has_every_data_file() -> None:
         path
         for part in (*ORDER, "assets")
         for path in (ROOT / part).rglob("*")
-        if path.is_file() and path.suffix not in {".py", ".pyc"} and path.parent.name != "screenshots"
+        if path.is_file() and path.suffix not in {".py", ".pyc", ".md"} and path.parent.name != "screenshots"
     }
     assert needed - declared == set()

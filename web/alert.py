@@ -8,6 +8,7 @@ import viser
 from control.safety import Fault
 from sim.backends.hardware.states import Trip, describe
 from sim.runtime.snapshot import Mode, on_hardware
+from web import theme
 
 _FAULT_WORDS = {
     Fault.TILT: "the base tilts too far",
@@ -21,21 +22,20 @@ _FAULT_WORDS = {
     Fault.TIP_OVER_LIMIT: "the commanded force is reduced, or the robot would tip over",
 }
 _BOX = "margin:0.5em 0.75em;padding:0.5em 0.75em;border-radius:4px;font-size:0.875em;color:#fff;background:{}"
-_RED, _AMBER = "#b3261e", "#8a5a00"
 
 
 def alert_text(snapshot: np.void | None) -> tuple[str, str] | None:
-    """Message and background of the alert for a SNAPSHOT record (None: the control process is dead), None when all is well."""
+    """Message and background of the alert for a SNAPSHOT record (None: the control process is dead or hangs), or None."""
     if snapshot is None:
-        return "The control process has stopped. Restart it in the bar at the top.", _RED
+        return "The control process has stopped, or hangs. Restart it in the bar at the top.", theme.ALERT
     mode = Mode(snapshot["mode"])
     if mode is Mode.ESTOP:
-        return "E-stop is latched: the drives only damp. Clear it in the bar at the top.", _RED
+        return "E-stop is latched: the drives only damp. Clear it in the bar at the top.", theme.ALERT
     faults = ", ".join(words for fault, words in _FAULT_WORDS.items() if snapshot["faults"] & fault)
     if on_hardware(snapshot):
         faults = ", ".join(describe(Trip(int(snapshot["drive_faults"]))))
     if mode is Mode.FAULT:
-        return f"Fault, the drives only damp: {faults or 'unknown'}.", _AMBER
+        return f"Fault, the drives only damp: {faults or 'unknown'}.", theme.CAUTION
     return None
 
 
@@ -46,7 +46,7 @@ class Alert:
         self._box = server.gui.add_html("", visible=False)
 
     def update(self, snapshot: np.void | None) -> None:
-        """Say what a SNAPSHOT record gives reason to say; None means that the control process is dead."""
+        """Say what a SNAPSHOT record gives reason to say; None means that the control process is dead or hangs."""
         alert = alert_text(snapshot)
         if alert is not None:
             message, background = alert

@@ -5,7 +5,7 @@ import time
 import numpy as np
 import viser
 
-from web.force_arrows import rotation_from_yaw
+from control.frames import rotation_z
 
 FOV_RAD = 0.8
 START = "Corner"
@@ -75,7 +75,7 @@ class Camera:
 
     def place(self, client: viser.ClientHandle, preset: str) -> None:
         """Put a client's camera at a preset relative to where the robot stands now."""
-        rotation = rotation_from_yaw(self._heading_yaw)
+        rotation = rotation_z(self._heading_yaw)
         origin = self._base_position * [1.0, 1.0, 0.0]
         position, look_at = (origin + rotation @ np.array(point) for point in PRESETS[preset])
         client.camera.position = position

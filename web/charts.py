@@ -1,4 +1,4 @@
-"""Live charts of commanded, estimated and true force, one per heading axis, with the estimate's uncertainty as a band."""
+"""Charts of commanded (as applied), estimated and true force per heading axis, with the estimate's uncertainty as a band."""
 
 import time
 
@@ -6,6 +6,7 @@ import numpy as np
 import viser
 from viser import uplot
 
+from control.frames import AXES
 from web import theme
 from web.history import History
 
@@ -14,7 +15,6 @@ SAMPLE_PERIOD_S = 0.05
 SEND_PERIOD_S = 0.15
 """Charts are sent whole, so they go out more rarely than poses."""
 
-AXES = ("x", "y", "z")
 _RANGES_N = (10.0, 20.0, 50.0, 100.0, 200.0)
 _TRACES = (("true", theme.TRUE, 3.0), ("estimated", theme.ESTIMATED, 1.6), ("commanded", theme.COMMANDED, 1.6))
 _UPPER, _LOWER = len(_TRACES) + 1, len(_TRACES) + 2

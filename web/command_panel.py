@@ -8,10 +8,10 @@ import numpy as np
 import viser
 
 from control.command.limits import DEFAULT_COMMAND, CommandLimits, clip_command
+from control.frames import AXES
 from web.sink import ConsoleSink, reports_refusal
 from web.widget_binding import Binding
 
-AXES = ("x", "y", "z")
 _VELOCITY_LABELS = ("ahead [m/s]", "left [m/s]", "turn [rad/s]")
 
 

@@ -1,4 +1,4 @@
-"""The console: one Viser server on loopback, and the pump that turns snapshots into pixels.
+"""The console: one Viser server behind a door of ours, and the pump that turns snapshots into pixels.
 
 The pump runs at 30 Hz in a thread of its own and rests while nobody watches. It reads the newest snapshot and sets only
 what changed; Viser drops superseded messages, so a slow client skips frames instead of falling behind.
@@ -29,6 +29,7 @@ from web.scene import Scene
 from web.setup_panel import SetupPanel
 from web.sink import ConsoleSink
 from web.view_panel import ViewPanel
+from web.viser_door import ViserDoor, start_viser
 from web.wheel_contacts import WheelContacts
 
 PUMP_PERIOD_S = 1.0 / 30.0
@@ -40,20 +41,23 @@ _log = logging.getLogger(__name__)
 
 
 class Console:
-    """Everything that Viser shows of one robot, for any number of browsers."""
+    """Everything that Viser shows of one robot, for any number of browsers.
 
-    def __init__(self, sink: ConsoleSink, snapshot_source: Callable[[], np.void | None], viser_port: int = 0) -> None:
+    Attributes:
+        door: the way to it.
+    """
+
+    def __init__(self, sink: ConsoleSink, snapshot_source: Callable[[], np.void | None]) -> None:
         """
         Args:
             sink: what the operator's actions go to.
             snapshot_source: newest SNAPSHOT record, or None when the control process is dead.
-            viser_port: loopback port to bind; 0 lets the system choose. `port` says which one it became.
         """
         self._snapshot_source = snapshot_source
-        # Viser prints its loopback address, which is not the one to open, and later that it stopped.
+        self.door = ViserDoor()
+        # Viser prints an address, at which there is nothing, and later that it stopped.
         with contextlib.redirect_stdout(io.StringIO()):
-            self._server = viser.ViserServer(host="127.0.0.1", port=viser_port, label="Forcelens", verbose=False)
-        self.port = self._server.get_port()
+            self._server = start_viser(self.door, label="Forcelens")
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._pump, name="console-pump", daemon=True)
         self._build(sink)

@@ -5,10 +5,10 @@ import time
 import numpy as np
 import viser
 
+from control.frames import rotation_z
 from sim.runtime.snapshot import on_hardware
 from web import theme
 from web.command_panel import reachable
-from web.force_arrows import rotation_from_yaw
 from web.sink import ConsoleSink, reports_refusal
 from web.widget_binding import EDIT_GRACE_S
 
@@ -67,7 +67,7 @@ class GrabHandle:
 class TargetGizmo:
     """Moves the hand's position target along the heading axes. Axes under force control cannot be moved.
 
-    The gizmo stands at the target as asked; a small ball shows the target that is applied after limits and slew.
+    The gizmo stands at the target as asked; a small ball shows the target as applied, after limits and rate limits.
     """
 
     def __init__(self, server: viser.ViserServer, sink: ConsoleSink) -> None:
@@ -100,7 +100,7 @@ class TargetGizmo:
         """Follow the target of a SNAPSHOT record, unless somebody holds the gizmo."""
         yaw = snapshot["heading_yaw"]
         origin = snapshot["base_position"] * [1.0, 1.0, 0.0]
-        rotation = rotation_from_yaw(yaw)
+        rotation = rotation_z(yaw)
         self._world_from_heading = origin, rotation
         self._applied.position = snapshot["target_position_in_world"]
         mask = snapshot["command"]["mask"]

@@ -1,4 +1,4 @@
-"""Force arrows at the hand: commanded, estimated, true, and on demand the estimates that are not selected.
+"""Force arrows at the hand: commanded (as applied), estimated, true, and on demand the estimates that are not selected.
 
 They stand side by side, so that equal forces stay visible as several arrows instead of hiding each other. Every arrow
 is the force of the environment on the robot.
@@ -9,6 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 import viser
 
+from control.frames import rotation_z
 from web import theme
 from web.uncertainty_cone import UncertaintyCone, spread
 
@@ -24,12 +25,6 @@ _SIDES = {"commanded": -1.0, "estimated": 0.0, "true": 1.0}
 _COLORS = {"commanded": theme.COMMANDED, "estimated": theme.ESTIMATED, "true": theme.TRUE}
 _FIRST_OTHER_SIDE, _OTHERS_APART = 1.7, 0.5
 """Where the estimates that are not selected stand, and how far apart, in the unit of _SIDES."""
-
-
-def rotation_from_yaw(yaw: float) -> np.ndarray:
-    """Rotation (3, 3) of the heading frame from its yaw in rad."""
-    c, s = np.cos(yaw), np.sin(yaw)
-    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
 def sideways(force: np.ndarray) -> np.ndarray:
@@ -108,7 +103,7 @@ class ForceArrows:
             "estimated": snapshot["force_estimated_n"],
             "true": snapshot["force_true_n"],
         }
-        to_world = rotation_from_yaw(snapshot["heading_yaw"])
+        to_world = rotation_z(snapshot["heading_yaw"])
         hand = snapshot["end_effector_position_in_world"]
         for name, force in forces.items():
             origin = hand + to_world @ (_SIDES[name] * sideways(force))

@@ -9,6 +9,7 @@ import numpy as np
 import viser
 
 from sim.backends.hardware.backend import HONESTY
+from sim.backends.hardware.limits import HardwareLimits
 from sim.backends.hardware.states import DriveState, allowed_requests
 from sim.backends.hardware.status import HardwareStatus
 from sim.runtime.snapshot import on_hardware
@@ -17,7 +18,8 @@ from web.sink import ConsoleSink, notify
 from web.widget_binding import Binding, Worker, text
 
 PERIOD_S = 0.25
-HOT_C = 65.0
+HOT_C = HardwareLimits().temperature_warn_c
+"""From here on a motor stands out in the table."""
 
 REQUESTS: dict[str, tuple[str, str]] = {
     "engage": ("Engage", "The robot's own program lays it down and lets go of its motors. Then they are damped."),
@@ -32,7 +34,6 @@ REQUESTS: dict[str, tuple[str, str]] = {
 """Label of each request, and what is asked before one that moves the robot."""
 
 _BADGE = "padding:0.4em 0.6em;margin:0.3em 0;border-radius:4px;color:#fff;background:{}"
-_AMBER, _RED = "#8a5a00", "#b3261e"
 
 
 def backends_html(backends: Sequence[dict[str, Any]]) -> str:
@@ -49,17 +50,17 @@ def status_html(status: HardwareStatus | None) -> str:
     """Drives, faults, link and battery of a robot; None when its I/O process has died."""
     rows = [f"<div>Hardware backend: <b>{HONESTY}</b>. It has driven an emulated robot only.</div>"]
     if status is None:
-        rows.append(_badge(_RED, "The I/O process has died. The robot gets no commands: use its own stop."))
+        rows.append(_badge(theme.ALERT, "The I/O process has died. The robot gets no commands: use its own stop."))
         return _box(rows, "")
     if status.dry_run:
-        rows.append(_badge(_AMBER, "DRY RUN: everything is computed and nothing is sent. The robot does not move."))
+        rows.append(_badge(theme.CAUTION, "DRY RUN: everything is computed and nothing is sent. The robot does not move."))
     moving = status.engaging or status.state in (DriveState.STANDING_UP, DriveState.SITTING)
     progress = f" {100 * status.progress:.0f} %" if moving else ""
     doing = "engaging" if status.engaging else status.state.name.lower().replace("_", " ")
     rows.append(f"<div>Drives: <b>{doing}</b>{progress}</div>")
     notes = dict.fromkeys((*status.faults, *status.warnings, *filter(None, [status.message])))
     if notes:
-        rows.append(_badge(_RED if status.state == DriveState.FAULT else _AMBER, "; ".join(notes)))
+        rows.append(_badge(theme.ALERT if status.state == DriveState.FAULT else theme.CAUTION, "; ".join(notes)))
     rows += [
         f"<div>State of the base {_age(status.base_age_s)} old, of the arm {_age(status.arm_age_s)}</div>",
         f"<div>Latency, state to command {status.tick_work_ms:.1f} ms; longest period {status.worst_period_ms:.1f} ms</div>",

@@ -75,4 +75,4 @@ def reports_refusal(callback: Callable[[Event], object]) -> Callable[[Event], Co
 def notify(client: viser.ClientHandle | None, message: str) -> None:
     """Tell one client that what it asked for was refused."""
     if client is not None:
-        client.add_notification("Not applied", message, color="orange", auto_close_seconds=6.0)
+        client.add_notification("Refused", message, color="orange", auto_close_seconds=6.0)

@@ -37,6 +37,9 @@ SMALL_TEXT = "padding:0 0.75em 0.5em;font-size:0.8em;line-height:1.5"
 FAINT = "#a7b3c0"
 """CSS colour of secondary text, also in web/static/viser.css."""
 
+ALERT, CAUTION = "#b3261e", "#8a5a00"
+"""CSS backgrounds of boxed messages, whose text is white: grave and less grave."""
+
 BRAND: RGB = (58, 122, 190)
 FLOOR: RGB = (24, 28, 34)
 GRID_CELL: RGB = (48, 54, 64)

@@ -6,14 +6,13 @@ A cone turns to the warning colour while the estimated force lies outside it: th
 import numpy as np
 import viser
 
-from control.joints import LEGS
+from control.frames import rotation_z
+from control.joints import LEGS, WHEEL_FRICTION
 from web import theme
 from web.cone_mesh import cone_mesh
-from web.force_arrows import Arrows, rotation_from_yaw
+from web.force_arrows import Arrows
 
 METERS_PER_NEWTON = 0.0025
-FRICTION_COEFFICIENT = 0.8
-"""Of wheel on floor, as in assets/robot/robot.xml."""
 
 _COUNT = len(LEGS)
 _CONE_HEIGHT_M = 0.11
@@ -25,7 +24,7 @@ _OUTWARD = np.array([[0.0, 0.045 if leg[1] == "L" else -0.045, 0.0] for leg in L
 
 def outside_cone(forces: np.ndarray) -> np.ndarray:
     """(n,) bool: which ground forces (n, 3) N, z up, violate Coulomb friction."""
-    return np.hypot(forces[:, 0], forces[:, 1]) > FRICTION_COEFFICIENT * forces[:, 2]
+    return np.hypot(forces[:, 0], forces[:, 1]) > WHEEL_FRICTION * forces[:, 2]
 
 
 class WheelContacts:
@@ -34,7 +33,7 @@ class WheelContacts:
     def __init__(self, server: viser.ViserServer) -> None:
         self.estimated = Arrows(server, "/contacts/estimated", [theme.ESTIMATED] * _COUNT, 0.005)
         self.true = Arrows(server, "/contacts/true", [theme.TRUE] * _COUNT, 0.005)
-        vertices, faces = cone_mesh(FRICTION_COEFFICIENT * _CONE_HEIGHT_M, _CONE_HEIGHT_M)
+        vertices, faces = cone_mesh(WHEEL_FRICTION * _CONE_HEIGHT_M, _CONE_HEIGHT_M)
         wxyz = np.zeros((_COUNT, 4))
         wxyz[:, 0] = 1.0
         self.cones = server.scene.add_batched_meshes_simple(
@@ -57,7 +56,7 @@ class WheelContacts:
 
     def update(self, snapshot: np.void) -> None:
         """Draw the contacts of a SNAPSHOT record."""
-        to_world = rotation_from_yaw(snapshot["heading_yaw"])
+        to_world = rotation_z(snapshot["heading_yaw"])
         touching = snapshot["wheel_in_contact"]
         points = snapshot["wheel_contact_position_in_world"]
         for arrows, forces, side in (

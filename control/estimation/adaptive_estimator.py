@@ -35,6 +35,7 @@ from control.estimation.wrench_projection import (
 )
 from control.joints import ARM_SLICE, LEGS
 from control.robot_model import RobotModel
+from control.timing import Job, due
 from control.types import ForceEstimate
 
 
@@ -65,12 +66,10 @@ class AdaptiveEstimator(ProjectingEstimator):
         self._config = config
         self._model = model
         self._adaptation = ModelAdaptation(config.adaptation)
-        self._adaptation_ticks = round(config.adaptation.period_s / period_s)
         self._rows = config.weights.rows(model)
         self._costs = config.weights.costs()
         self._arm_rows = model.joint_rows[ARM_SLICE]
         self._friction_groups = friction_groups(model)
-        self._tick = 0
 
     @property
     def mass_scales(self) -> np.ndarray:
@@ -81,16 +80,13 @@ class AdaptiveEstimator(ProjectingEstimator):
         """Forget the past, the masses and the frictions."""
         super().reset()
         self._adaptation.reset()
-        self._tick = 0
 
     def observe(self, inputs: EstimatorInput) -> None:
-        """Take in one 500 Hz tick, once; every tenth one adapts the model."""
+        """Take in one 500 Hz tick, once; one in a control period adapts the model."""
         if not self._residual.observe(inputs):
             return
-        # Half a period away from the controller's ticks, which are the longest.
-        if self._tick % self._adaptation_ticks == self._adaptation_ticks // 2 and math.isfinite(self.residual.sum()):
+        if due(Job.ADAPTATION, inputs.tick) and math.isfinite(self.residual.sum()):
             self._adapt()
-        self._tick += 1
 
     def _adapt(self) -> None:
         rows, regressor = self._trusted_rows(), self._regressor()

@@ -17,6 +17,7 @@ import numpy as np
 from control.frames import rotation_from_quaternion
 from control.joints import LEGS
 from control.robot_model import GRAVITY_MPS2, RobotModel
+from control.timing import TICK_S
 from control.types import BaseState, SensorFrame
 
 
@@ -29,7 +30,7 @@ class BaseStateConfig:
     """
 
     crossover_s: float = 1.0
-    period_s: float = 0.002
+    period_s: float = TICK_S
 
     def __post_init__(self) -> None:
         if not self.crossover_s > self.period_s > 0.0:

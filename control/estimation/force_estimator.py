@@ -11,15 +11,17 @@ from control.types import BaseState, ForceEstimate, SensorFrame
 
 @dataclass(frozen=True, slots=True)
 class EstimatorInput:
-    """One 500 Hz tick, the same object for every estimator.
+    """One 500 Hz tick, the same for every estimator.
 
     Attributes:
+        tick: number of the tick, one more than the last one's; an estimator takes in each number once.
         model: updated at this tick's configuration and velocity.
         sensor: this tick's frame.
         base: this tick's base state.
         mask: (3,) applied 0 position, 1 force, per heading axis.
     """
 
+    tick: int
     model: RobotModel
     sensor: SensorFrame
     base: BaseState

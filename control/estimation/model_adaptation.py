@@ -19,6 +19,7 @@ import numpy as np
 from control.estimation.wrench_projection import WrenchProblem, solve_positive_definite
 from control.joints import ARM_SLICE
 from control.robot_model import RobotModel
+from control.timing import CONTROL_PERIOD_S
 
 ARM, REST = 0, 1
 MASSES = slice(0, 2)
@@ -40,7 +41,6 @@ class ModelAdaptationConfig:
     limit: largest |beta|: a robot that is lifted or leans on something is not weightless.
     friction_limit: largest |phi|: friction never drives a joint.
     settle_s: data before this time is ignored while the observer settles.
-    period_s: time between updates.
     """
 
     common_sd: float = 0.2
@@ -53,7 +53,6 @@ class ModelAdaptationConfig:
     limit: float = 0.6
     friction_limit: float = 1.0
     settle_s: float = 0.5
-    period_s: float = 0.02
 
     def __post_init__(self) -> None:
         for name in self.__dataclass_fields__:
@@ -87,7 +86,7 @@ class ModelAdaptation:
         own = np.full(PARAMETER_COUNT, config.friction_difference_sd)
         own[MASSES] = config.difference_sd
         self._prior = np.linalg.inv(covariance + np.diag(own**2))
-        self._keep = float(np.exp(-config.period_s / config.memory_s))
+        self._keep = float(np.exp(-CONTROL_PERIOD_S / config.memory_s))
         self._limits = np.full(PARAMETER_COUNT, config.friction_limit)
         self._limits[MASSES] = config.limit
         self.reset()
@@ -110,7 +109,7 @@ class ModelAdaptation:
             weighted_regressor: (28, 9) W_q [N, F].
             force_n: estimated size of the force on the hand.
         """
-        self._elapsed_s += self._config.period_s
+        self._elapsed_s += CONTROL_PERIOD_S
         if self._elapsed_s < self._config.settle_s:
             return
         # Minimising over x leaves the quadratic form of I - W B H^-1 B^T W in the rest.

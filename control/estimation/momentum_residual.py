@@ -52,7 +52,7 @@ class MomentumResidual:
 
     def observe(self, inputs: EstimatorInput) -> bool:
         """Advance by one tick and say so; a tick already taken in is ignored."""
-        if inputs is self._inputs:
+        if self._inputs is not None and inputs.tick == self._inputs.tick:
             return False
         self._inputs = inputs
         model = inputs.model

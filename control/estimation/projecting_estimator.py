@@ -25,7 +25,7 @@ class ProjectingEstimator(ABC):
     def __init__(self, residual: MomentumResidual) -> None:
         self._residual = residual
         self._last: ForceEstimate | None = None
-        self._estimated: EstimatorInput | None = None
+        self._estimated_tick: int | None = None
         self.unexplained = np.zeros(6 + JOINT_COUNT)
 
     @property
@@ -44,7 +44,7 @@ class ProjectingEstimator(ABC):
     def reset(self) -> None:
         """Forget the past; the next tick starts at rest equilibrium."""
         self._residual.reset()
-        self._last = self._estimated = None
+        self._last = self._estimated_tick = None
         self.unexplained = np.zeros(6 + JOINT_COUNT)
 
     def observe(self, inputs: EstimatorInput) -> None:
@@ -59,9 +59,9 @@ class ProjectingEstimator(ABC):
             WrenchProjectionError: the projection failed and there is no good estimate yet.
         """
         inputs, residual = self._residual.inputs, self._residual.residual
-        if self._last is not None and self._estimated is inputs:
+        if self._last is not None and self._estimated_tick == inputs.tick:
             return self._last
-        self._estimated = inputs
+        self._estimated_tick = inputs.tick
         try:
             if not math.isfinite(residual.sum()):
                 raise WrenchProjectionError(None, "the residual is not finite")

@@ -14,6 +14,7 @@ from control.estimation.wrench_projection import ProjectionWeights
 from control.estimation.wrench_qp import ContactConstraints
 from control.paths import WEIGHTS_DIRECTORY
 from control.robot_model import RobotModel
+from control.timing import TICK_S
 
 MODEL_BASED_NAMES = ("gmo_pi", "gmo_cqp", "adaptive")
 LEARNED_NAMES = ("tcn", "hybrid_paper", "hybrid")
@@ -30,7 +31,7 @@ class EstimatorsConfig:
     weights: folder with the networks of the learned estimators; None to run without them.
     """
 
-    period_s: float = 0.002
+    period_s: float = TICK_S
     gmo_gains: ObserverGains = PAPER_GAINS
     gmo_weights: ProjectionWeights = field(default_factory=ProjectionWeights)
     constraints: ContactConstraints = field(default_factory=ContactConstraints)

@@ -7,7 +7,7 @@ from control.estimation.networks.force_network import LOG_VARIANCE_RANGE
 
 
 def smooth_l1(raw: torch.Tensor, target: torch.Tensor) -> torch.Tensor:
-    """Eq. (14) of the paper with transition delta = 1; `raw` and `target` (batch, 3)."""
+    """Eq. (16) of the paper with transition delta = 1; `raw` and `target` (batch, 3)."""
     return functional.smooth_l1_loss(raw, target, beta=1.0)
 
 

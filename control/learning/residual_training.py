@@ -26,13 +26,14 @@ from control.learning.calibration import calibrate
 from control.learning.curves import save_curves
 from control.learning.evaluation import Prediction, by_cell, cell_metrics, predict, typical_rmse
 from control.learning.losses import beta_likelihood, smooth_l1
-from control.learning.rollout_data import PERIOD_S, SETTLE_STEPS, load_split, read_manifest
+from control.learning.rollout_data import SETTLE_STEPS, load_split, read_manifest
 from control.learning.shrinkage import choose_output_noise
 from control.learning.targets import TARGETS, TrainingTarget
 from control.learning.tcn_module import TcnModule
 from control.learning.windows import Normalization, WindowSet, wanted_force
 from control.paths import WEIGHTS_DIRECTORY
 from control.provenance import commit
+from control.timing import CONTROL_PERIOD_S
 
 logger = logging.getLogger("residual_training")
 
@@ -89,7 +90,7 @@ class ResidualTraining:
             increment_groups=target.increment_groups,
             feature_names=feature_names(target.feature_groups),
             shape=shape,
-            period_s=PERIOD_S,
+            period_s=CONTROL_PERIOD_S,
             output_scale_n=float(np.sqrt((wanted**2).mean())),
             output_limit_n=(float(x), float(y), float(z)),
             output_noise_n=0.0,

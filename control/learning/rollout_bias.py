@@ -8,7 +8,8 @@ linear function of the arm's posture, and taken out of what the network is taugh
 import numpy as np
 
 from control.joints import ARM_SLICE
-from control.learning.rollout_data import PERIOD_S, SETTLE_STEPS, Rollout
+from control.learning.rollout_data import SETTLE_STEPS, Rollout
+from control.timing import CONTROL_PERIOD_S
 
 RIDGE = 1e-3
 SLOPE_UNIT_NPS = 20.0
@@ -28,7 +29,7 @@ def rollout_bias(rollout: Rollout, wanted: np.ndarray) -> np.ndarray:
     posture = posture - posture[SETTLE_STEPS:].mean(axis=0)
     regressors = np.column_stack([np.ones(len(posture)), posture])
     force = rollout.arrays["adaptive.force"].astype(float)
-    slope = np.gradient(force, PERIOD_S, axis=0) / SLOPE_UNIT_NPS
+    slope = np.gradient(force, CONTROL_PERIOD_S, axis=0) / SLOPE_UNIT_NPS
     design = np.column_stack([regressors, slope])[SETTLE_STEPS:]
     hessian = design.T @ design / len(design) + RIDGE * np.eye(design.shape[1])
     weights = np.linalg.solve(hessian, design.T @ wanted[SETTLE_STEPS:] / len(design))

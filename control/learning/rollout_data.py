@@ -11,7 +11,6 @@ from control.estimation.networks.force_signals import Signals
 
 SCHEMA = 1
 SPLITS = ("train", "validation", "test")
-PERIOD_S = 0.02
 SETTLE_STEPS = 50
 """Steps at the start of a rollout, 1 s, that no metric counts: the observers settle."""
 

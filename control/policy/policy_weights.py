@@ -16,8 +16,8 @@ from control.paths import WEIGHTS_DIRECTORY
 from control.policy.action import ActionScales
 from control.policy.actor import Actor
 from control.policy.observation import Observation, ObservationScales
+from control.timing import CONTROL_PERIOD_S
 from control.weights_file import load_arrays, save_weights, sha256
-from control.whole_body.controller import CONTROL_PERIOD_S
 
 SCHEMA = 1
 POLICY_NAMES = ("policy", "policy_paper")

@@ -15,7 +15,8 @@ from control.command.limits import CommandLimits
 from control.estimation.rolling_contact import rolling_velocity
 from control.frames import rotation_error, rotation_from_quaternion
 from control.joints import ARM_SLICE, DAMPING, STIFFNESS, TORQUE_LIMIT
-from control.whole_body.controller import CONTROL_PERIOD_S, ControllerInput
+from control.timing import CONTROL_PERIOD_S
+from control.whole_body.controller import ControllerInput
 from control.whole_body.reference_correction import NO_CORRECTION, ReferenceCorrection
 
 

@@ -8,9 +8,6 @@ import numpy as np
 from control.robot_model import RobotModel
 from control.types import BaseState, Command, SensorFrame
 
-CONTROL_PERIOD_S = 0.02
-"""Controllers run at 50 Hz."""
-
 
 @dataclass(frozen=True, slots=True)
 class ControllerInput:
@@ -20,7 +17,7 @@ class ControllerInput:
         sensor: newest sensor frame.
         base: estimated base state.
         model: robot model, updated with both.
-        command: as applied, after limits, rate limits and guidance.
+        command: as applied: after guidance, limits, the tip-over limit and rate limits.
         force_estimated_n: (3,) N, estimated, environment on end effector.
     """
 

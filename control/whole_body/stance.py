@@ -6,7 +6,7 @@ import numpy as np
 
 from control.joints import LEG_SLICE, LEGS, NOMINAL_POSITION
 from control.robot_model import RobotModel
-from control.whole_body.controller import CONTROL_PERIOD_S
+from control.timing import CONTROL_PERIOD_S
 
 _STEP_RAD = 1e-4
 

@@ -12,7 +12,7 @@ from control.compiled import kernel
 from control.joints import WHEEL_RADIUS_M
 from control.records import config_record, packed, record
 from control.small_algebra import clip
-from control.whole_body.controller import CONTROL_PERIOD_S
+from control.timing import CONTROL_PERIOD_S
 from control.whole_body.task_signals import TASK_SIGNALS, force_error, position_error
 
 LEFT_MINUS_RIGHT = (1.0, -1.0, 1.0, -1.0)

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from control.joints import DAMPING, TORQUE_LIMIT, WHEEL_RADIUS_M, WHEEL_SLICE
-from control.whole_body.controller import CONTROL_PERIOD_S, ControllerInput
+from control.timing import CONTROL_PERIOD_S
+from control.whole_body.controller import ControllerInput
 from control.whole_body.legs import LegTargets
 from control.whole_body.reference_correction import NO_CORRECTION, ReferenceCorrection
 

@@ -10,15 +10,6 @@ from control.types import JointCommand, SensorFrame
 
 
 @dataclass(frozen=True, slots=True)
-class Capabilities:
-    """What a backend can and cannot do, so that a page says "unavailable" instead of showing zero."""
-
-    name: str
-    has_truth: bool
-    is_simulation: bool
-
-
-@dataclass(frozen=True, slots=True)
 class GroundTruth:
     """Simulator truth, for rewards, evaluation and the "true" trace only; never seen by control/.
 
@@ -63,7 +54,10 @@ class Backend(Protocol):
     In simulation `write` also advances the world by one tick; on hardware it returns at once.
     """
 
-    capabilities: Capabilities
+    @property
+    def name(self) -> str:
+        """As in the snapshot and in REST: "simulation" or "hardware"."""
+        ...
 
     def open(self) -> None:
         """Connect. Raises BackendError when the robot cannot be reached."""

@@ -16,7 +16,7 @@ from sim import scenes
 from sim.benchmarks.estimator_ablations import ABLATIONS
 from sim.benchmarks.estimator_plots import plot_bars, plot_force_over_time
 from sim.benchmarks.estimator_rows import Cell, cell_bars, cell_rows, coverage_bars
-from sim.benchmarks.estimator_trials import Trial, draw_plan, run_trial
+from sim.benchmarks.estimator_trials import RolloutTrial, draw_plan, run_trial
 from sim.benchmarks.report import Report, argument_parser
 from sim.processes.executors import map_unordered
 from sim.trials.rollout_plans import EVALUATION_PROFILES, MASS_SCALES, RolloutPlan
@@ -60,9 +60,9 @@ def cell_plans(arguments: argparse.Namespace) -> dict[Cell, list[RolloutPlan]]:
     }
 
 
-def play(plans: list[RolloutPlan], ablations: bool, workers: int, report: Report) -> list[Trial]:
+def play(plans: list[RolloutPlan], ablations: bool, workers: int, report: Report) -> list[RolloutTrial]:
     """Trials of all plans, in order of profile, mass scale and number."""
-    trials: list[Trial] = []
+    trials: list[RolloutTrial] = []
     run = partial(run_trial, ablations=ABLATIONS if ablations else ())
     for trial in map_unordered("local", run, plans, workers):
         trials.append(trial)

@@ -22,6 +22,7 @@ from sim.benchmarks.estimator_scores import coverage, mean_and_deviation
 from sim.benchmarks.report import Report, Row, argument_parser, at_most
 from sim.processes.executors import map_unordered
 from sim.trials.rollout_plans import MASS_SCALES
+from sim.trials.rollout_runner import DRIVER
 
 BAR_N = 1.5
 QUICK_DURATION_S = 4.0
@@ -43,6 +44,7 @@ def contact_rows(task: str, surface: str, mass_scale: float, trials: Sequence[Co
             {
                 "task": task,
                 "surface": surface,
+                "controller": DRIVER,
                 "estimator": name,
                 "mass_scale": mass_scale,
                 "trials": len(kept),

@@ -5,11 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from control.joints import LEGS
+from control.timing import SLOT_COUNT
 from sim.backends.simulation.mismatch import Mismatch
 from sim.backends.simulation.mujoco_backend import MujocoBackend
 from sim.backends.simulation.sensors import SensorConfig
 from sim.benchmarks.estimator_contact_tasks import DURATION_S, TASKS
-from sim.benchmarks.estimator_panel import SAMPLE_TICKS, EstimatorPanel
+from sim.benchmarks.estimator_panel import EstimatorPanel
 from sim.benchmarks.estimator_scores import Scores
 from sim.scenes import SceneModel
 from sim.trials.rollout_profiles import rms_force
@@ -80,7 +81,7 @@ def run_contact_trial(plan: ContactPlan) -> ContactTrial:
             if scored:
                 forces.append(truth.force_true_n)
                 touching.append(in_contact)
-            if tick.index % SAMPLE_TICKS == 0:
+            if tick.index % SLOT_COUNT == 0:
                 if untouchable[backend.data.contact.geom].any():
                     raise RejectedError("contact")
                 panel.sample(truth, scored)
@@ -108,7 +109,7 @@ def _failed(plan: ContactPlan, failure: str) -> ContactTrial:
 
 def _ripple(force: np.ndarray) -> float:
     """See ContactTrial.ripple_n; force (n, 3) N at 500 Hz."""
-    blocks = force[: len(force) // SAMPLE_TICKS * SAMPLE_TICKS].reshape(-1, SAMPLE_TICKS, 3)
+    blocks = force[: len(force) // SLOT_COUNT * SLOT_COUNT].reshape(-1, SLOT_COUNT, 3)
     return rms_force((blocks - blocks.mean(axis=1, keepdims=True)).reshape(-1, 3))
 
 

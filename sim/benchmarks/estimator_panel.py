@@ -8,16 +8,11 @@ import numpy as np
 from control.estimation.force_estimator import EstimatorInput, ForceEstimator
 from control.estimation.registry import EstimatorsConfig, make_estimators
 from control.frames import rotation_from_quaternion
-from control.pipeline import TICK_S
 from control.robot_model import RobotModel
 from control.types import BaseState, SensorFrame
 from sim.backends.protocol import GroundTruth
 from sim.benchmarks.estimator_ablations import Ablation, make_ablation
 from sim.benchmarks.estimator_scores import Scores
-
-SAMPLE_TICKS = 10
-PERIOD_S = SAMPLE_TICKS * TICK_S
-"""Every estimate is sampled at 50 Hz, whatever the live loop spends on it."""
 
 
 class EstimatorPanel:
@@ -39,6 +34,7 @@ class EstimatorPanel:
             group, its_model = (self._informed, self._true_model) if ablation.true_velocity else (self._estimators, model)
             group[ablation.name] = make_ablation(ablation, its_model, config)
         self.force_true_n: list[np.ndarray] = []
+        self._tick = 0
         self._errors: dict[str, list[np.ndarray]] = {name: [] for name in self.names}
         self._sigmas: dict[str, list[np.ndarray]] = {name: [] for name in self.names}
 
@@ -49,7 +45,8 @@ class EstimatorPanel:
 
     def observe(self, sensor: SensorFrame, base: BaseState, mask: np.ndarray, truth: GroundTruth) -> None:
         """Feed one tick, after the pipeline has taken it."""
-        inputs = EstimatorInput(self._model, sensor, base, mask)
+        inputs = EstimatorInput(self._tick, self._model, sensor, base, mask)
+        self._tick += 1
         for estimator in self._estimators.values():
             estimator.observe(inputs)
         if self._informed:
@@ -58,7 +55,7 @@ class EstimatorPanel:
                 estimator.observe(informed)
 
     def sample(self, truth: GroundTruth, scored: bool) -> None:
-        """Ask every estimator, every SAMPLE_TICKS from the first tick on: networks count their steps by it.
+        """Ask every estimator, once per control period from the first tick on, whatever the live loop spends on it.
 
         Args:
             truth: of this tick.
@@ -90,4 +87,4 @@ class EstimatorPanel:
             known.angular_velocity_in_base,
             sensor.joint_velocity,
         )
-        return EstimatorInput(self._true_model, sensor, known, inputs.mask)
+        return EstimatorInput(inputs.tick, self._true_model, sensor, known, inputs.mask)

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import numpy as np
 
-from sim.benchmarks.estimator_panel import PERIOD_S
+from control.timing import CONTROL_PERIOD_S
 from sim.benchmarks.estimator_rows import Cell
 from sim.benchmarks.estimator_scores import Scores
-from sim.benchmarks.estimator_trials import SETTLE_S, Trial
+from sim.benchmarks.estimator_trials import SETTLE_S, RolloutTrial
 from sim.benchmarks.report import Row
 
 COLORS = {
@@ -51,9 +51,9 @@ def plot_bars(folder: Path, rows: Sequence[Row]) -> None:
     pyplot.close(figure)
 
 
-def plot_force_over_time(folder: Path, trials: Sequence[Trial]) -> None:
+def plot_force_over_time(folder: Path, trials: Sequence[RolloutTrial]) -> None:
     """Vertical force of one trial per mass scale, as in the paper's figure."""
-    time = SETTLE_S + PERIOD_S * np.arange(len(trials[0].force_true_n))
+    time = SETTLE_S + CONTROL_PERIOD_S * np.arange(len(trials[0].force_true_n))
     series = [(f"mass x{trial.plan.mass_scale:g}", 2, trial.force_true_n, trial.scores) for trial in trials]
     plot_estimates(folder / f"estimator_force_z_{trials[0].plan.profile}.png", time, series)
 

@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
+from control.timing import CONTROL_PERIOD_S
 from sim.benchmarks.estimator import add_workers
-from sim.benchmarks.estimator_panel import PERIOD_S
 from sim.benchmarks.estimator_plots import COLORS
 from sim.benchmarks.estimator_robustness_trials import (
     CASES,
@@ -25,6 +25,7 @@ from sim.benchmarks.estimator_robustness_trials import (
 from sim.benchmarks.estimator_scores import coverage, mean_and_deviation
 from sim.benchmarks.report import Report, Row, argument_parser
 from sim.processes.executors import map_unordered
+from sim.trials.rollout_runner import DRIVER
 
 QUICK_DURATION_S = 4.0
 
@@ -41,10 +42,11 @@ def case_rows(case: str, trials: Sequence[RobustnessTrial]) -> list[Row]:
         rows.append(
             {
                 "case": case,
+                "controller": DRIVER,
                 "estimator": name,
                 "trials": len(kept),
                 "rejected": sum(len(trial.rejected) for trial in trials),
-                "scored_s": PERIOD_S * sum(len(score.error) for score in scores),
+                "scored_s": CONTROL_PERIOD_S * sum(len(score.error) for score in scores),
                 "rmse_vector_n": mean,
                 "sd_n": deviation,
                 "coverage_2sigma": coverage(scores, 2.0),

@@ -8,10 +8,10 @@ import numpy as np
 
 from control.command.limits import DEFAULT_COMMAND
 from control.joints import LEGS
-from control.pipeline import TICK_S
+from control.timing import CONTROL_PERIOD_S, TICK_S
 from control.types import Command
 from sim.backends.simulation.mujoco_backend import MujocoBackend
-from sim.benchmarks.estimator_panel import PERIOD_S, EstimatorPanel
+from sim.benchmarks.estimator_panel import EstimatorPanel
 from sim.benchmarks.estimator_scores import Scores
 from sim.benchmarks.estimator_trials import draw_plan, watch
 from sim.scenes import SceneModel, assemble
@@ -192,4 +192,4 @@ def recovery_time(error: np.ndarray) -> float | None:
     """
     off = np.flatnonzero(np.sqrt((error**2).sum(axis=1)) > RECOVERED_N)
     steps = off[-1] + 1 if len(off) else 0
-    return None if steps == len(error) else float(steps * PERIOD_S)
+    return None if steps == len(error) else float(steps * CONTROL_PERIOD_S)

@@ -7,8 +7,9 @@ import numpy as np
 
 from sim.benchmarks.estimator_ablations import ORIGINALS
 from sim.benchmarks.estimator_scores import coverage, coverage_error, mean_and_deviation
-from sim.benchmarks.estimator_trials import Trial
+from sim.benchmarks.estimator_trials import RolloutTrial
 from sim.benchmarks.report import Bar, Row, at_least, at_most
+from sim.trials.rollout_runner import DRIVER
 
 REFERENCE = "gmo_cqp"
 HYBRID_BARS_N = {"hold": 0.75, "sine": 1.0, "slow": 1.0}
@@ -29,7 +30,7 @@ class Cell:
         return f"{self.profile}, mass x{self.mass_scale:g}{', per link' if self.per_link else ''}"
 
 
-def cell_rows(cell: Cell, trials: Sequence[Trial]) -> list[Row]:
+def cell_rows(cell: Cell, trials: Sequence[RolloutTrial]) -> list[Row]:
     """One row per estimator: means over rollouts of each rollout's RMSE, as in the paper.
 
     A ratio compares the mean vector RMSE with that of `gmo_cqp`, and that of a learned correction or an ablation with the
@@ -48,6 +49,7 @@ def cell_rows(cell: Cell, trials: Sequence[Trial]) -> list[Row]:
         lags = [trial.lag_only_n[name] for trial in kept if name in trial.lag_only_n]
         rows.append(
             {
+                "controller": DRIVER,
                 "estimator": name,
                 "profile": cell.profile,
                 "mass_scale": cell.mass_scale,
@@ -92,7 +94,7 @@ def cell_bars(cell: Cell, rows: Sequence[Row]) -> list[Bar]:
     return bars
 
 
-def coverage_bars(trials: Sequence[Trial]) -> list[Bar]:
+def coverage_bars(trials: Sequence[RolloutTrial]) -> list[Bar]:
     """Whether sigma says how large the errors of `hybrid` are, over a whole run; nothing without scores.
 
     A cell of ten robots is known to one or two points only (`coverage_2sigma_se`): the whole run tells more.

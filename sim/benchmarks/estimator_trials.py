@@ -11,10 +11,10 @@ import numpy as np
 
 from control.estimation.momentum_observer import ObserverGains
 from control.estimation.registry import EstimatorsConfig
-from control.pipeline import TICK_S
+from control.timing import SLOT_COUNT, TICK_S
 from sim.backends.simulation.mujoco_backend import MujocoBackend
 from sim.benchmarks.estimator_ablations import Ablation
-from sim.benchmarks.estimator_panel import SAMPLE_TICKS, EstimatorPanel
+from sim.benchmarks.estimator_panel import EstimatorPanel
 from sim.benchmarks.estimator_scores import Scores, lag_only_error
 from sim.trials.rollout_plans import EVALUATION_FORCE_SCALES, PER_LINK_RANGE, RolloutPlan
 from sim.trials.rollout_profiles import rms_force, rms_slope
@@ -25,7 +25,7 @@ SETTLE_S = 1.0
 
 
 @dataclass(frozen=True, slots=True)
-class Trial:
+class RolloutTrial:
     """One plan, played.
 
     Attributes:
@@ -74,7 +74,7 @@ def draw_plan(seed: int, number: int, profile: str, mass_scale: float, links: Se
     )
 
 
-def run_trial(plan: RolloutPlan, ablations: Sequence[Ablation] = ()) -> Trial:
+def run_trial(plan: RolloutPlan, ablations: Sequence[Ablation] = ()) -> RolloutTrial:
     """Play `plan`; a rejected attempt is drawn again, see sim.trials.rollout_runner."""
 
     def attempt(plan: RolloutPlan, seed: int) -> EstimatorPanel:
@@ -84,7 +84,7 @@ def run_trial(plan: RolloutPlan, ablations: Sequence[Ablation] = ()) -> Trial:
     force = planned_force(plan, seed)
     start = round(SETTLE_S / TICK_S)
     lags = {name: lag_only_error(force, gains, TICK_S)[start:] for name, gains in _gains().items()}
-    return Trial(
+    return RolloutTrial(
         plan,
         rejected,
         {} if panel is None else panel.scores(),
@@ -110,7 +110,7 @@ def watch(
     for tick in runner.ticks():
         truth = runner.backend.truth()
         panel.observe(tick.sensor, tick.output.base, tick.output.applied_command.mask, truth)
-        if tick.index % SAMPLE_TICKS == 0:
+        if tick.index % SLOT_COUNT == 0:
             panel.sample(truth, tick.time_s >= SETTLE_S and is_scored(runner.backend))
     return panel
 

@@ -23,6 +23,7 @@ from multiprocessing.connection import Connection
 import numpy as np
 
 from control.joints import DAMPING, NOMINAL_POSITION, STIFFNESS
+from control.timing import TICK_S
 from control.types import JointCommand
 from sim.backends.hardware.backend import HONESTY, HardwareBackend, unavailable_because
 from sim.backends.hardware.config import HardwareConfig
@@ -40,7 +41,6 @@ from sim.emulator.memory_link import MemoryBaseLink, MemoryWire
 from sim.emulator.process import free_udp_port
 from sim.processes.realtime import request_realtime
 
-_TICK_S = 0.002
 FIFO_PRIORITY = 20
 _PATIENCE_S = 20.0
 _UP = {
@@ -74,7 +74,7 @@ class Control:
                     now = time.monotonic()
                     self.longest_pause_s = max(self.longest_pause_s, now - self.last_write_s)
                     self.last_write_s = now
-            time.sleep(_TICK_S)
+            time.sleep(TICK_S)
 
     def request(self, request: Request) -> None:
         with self._lock:
@@ -315,7 +315,7 @@ def main() -> None:
 
         def silence() -> float:
             stage.control.silent = True
-            time.sleep(2 * _TICK_S)
+            time.sleep(2 * TICK_S)
             return stage.control.last_write_s
 
         def estop() -> float:

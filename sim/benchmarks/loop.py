@@ -17,12 +17,13 @@ import numpy as np
 
 from control.command.limits import DEFAULT_COMMAND
 from control.joints import JOINT_NAMES, NOMINAL_BASE_HEIGHT_M, NOMINAL_POSITION, WHEEL_JOINT_NAMES
-from control.pipeline import CONTROL_DECIMATION, TICK_S, PipelineConfig
+from control.pipeline import PipelineConfig
 from control.robot_model import RobotModel
+from control.timing import SLOT_COUNT, TICK_S
 from sim import scenes
 from sim.benchmarks.report import Report, argument_parser, at_least, at_most
 from sim.benchmarks.server_process import ServerProcess, watch
-from sim.runtime.session import Session, SessionConfig
+from sim.runtime.simulation import Simulation, SimulationConfig
 from sim.runtime.snapshot import SNAPSHOT
 
 ESTIMATOR = "hybrid"
@@ -59,7 +60,7 @@ def durations_us(call: Callable[[], object], count: int) -> np.ndarray:
 
 def headless(report: Report, ticks: int) -> np.ndarray:
     """Ticks of a session alone on one core; returns their durations, us."""
-    session = Session(SessionConfig(seed=report.seed, pipeline=PipelineConfig(estimator=ESTIMATOR)))
+    session = Simulation(SimulationConfig(seed=report.seed, pipeline=PipelineConfig(estimator=ESTIMATOR)))
     for _ in range(WARM_UP_TICKS):
         session.tick(DEFAULT_COMMAND)
     started = time.perf_counter()
@@ -80,7 +81,7 @@ def headless(report: Report, ticks: int) -> np.ndarray:
     return durations
 
 
-def bare_physics(session: Session) -> Callable[[], None]:
+def bare_physics(session: Simulation) -> Callable[[], None]:
     """mj_step of the same scene with the drives of the MJCF holding the nominal posture."""
     model = scenes.build(session.backend.scene).model
     data = mujoco.MjData(model)
@@ -94,7 +95,7 @@ def bare_physics(session: Session) -> Callable[[], None]:
     return lambda: mujoco.mj_step(model, data)
 
 
-def bare_terms(session: Session) -> Callable[[], None]:
+def bare_terms(session: Simulation) -> Callable[[], None]:
     """Update of the Pinocchio model at the session's posture."""
     model = RobotModel()
     sensor, base = session.backend.read(), session.output.base
@@ -200,7 +201,7 @@ def plot(folder: Path, durations: np.ndarray) -> None:
 
     folder.mkdir(parents=True, exist_ok=True)
     figure, axes = pyplot.subplots(figsize=(7, 3.5))
-    phase = (WARM_UP_TICKS + np.arange(len(durations))) % CONTROL_DECIMATION
+    phase = (WARM_UP_TICKS + np.arange(len(durations))) % SLOT_COUNT
     bins = np.linspace(0.0, 2000.0, 101).tolist()
     axes.hist(durations[phase == 0], bins, label="with the 50 Hz controller")
     axes.hist(durations[phase != 0], bins, alpha=0.6, label="without")

@@ -19,6 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from control.estimation.momentum_observer import PAPER_GAINS
+from control.frames import AXES
 from control.paths import WEIGHTS_DIRECTORY
 from control.whole_body.controller import ControllerInput
 from sim.benchmarks import policy_guidance
@@ -26,10 +27,10 @@ from sim.benchmarks.estimator import add_workers
 from sim.benchmarks.report import Report, Row, argument_parser, at_most
 from sim.processes.executors import map_unordered
 from sim.trials.guidance_trials import LeadResult
-from sim.trials.policy_score import rms, settled_position_cm
-from sim.trials.policy_trials import ControllerTrial, Errors, TrialSetup, controller_setups, random_commands
+from sim.trials.random_commands import Errors, random_commands, rms, settled_position_cm
+from sim.trials.trial import Trial, TrialSetup, controller_setups
 
-AXES = ("x", "y", "z")
+ANY_MASK = "any"
 LEVELS_N = (10.0, 20.0)
 STRONG_N = 30.0
 MASS_SCALES = (0.8, 1.2)
@@ -61,7 +62,7 @@ def cases(plain: TrialSetup) -> Iterator[tuple[str, TrialSetup]]:
         yield f"force input {force_input}", replace(plain, force_input=force_input)
     gains = (PAPER_GAINS.k1, PAPER_GAINS.k2)
     yield "force input gmo_cqp", replace(plain, estimator="gmo_cqp", gains=gains)
-    for estimator in ("tcn", "hybrid"):
+    for estimator in ("tcn", "adaptive"):
         yield f"force input {estimator}", replace(plain, estimator=estimator)
 
 
@@ -84,17 +85,16 @@ def play(piece: Piece) -> tuple[Piece, Errors]:
     return piece, random_commands(piece.setup, piece.seed, piece.minutes, piece.levels_n)
 
 
-def summary(case: str, setup: TrialSetup, errors: Errors) -> Row:
-    """One row of a case."""
-    row: Row = {"case": case, "controller": setup.controller, "estimator": setup.estimator, "mass_scale": setup.mass_scale}
-    row |= {
+def case_rows(case: str, setup: TrialSetup, errors: Errors) -> list[Row]:
+    """Rows of a case: one for each force level over all masks, then one for each mask and level with force axes.
+
+    Velocity, position, falls and minutes are those of the whole case.
+    """
+    common: Row = {
         "rmse_velocity_mps": rms(np.array(errors.forward)),
         "rmse_yaw_rps": rms(np.array(errors.yaw)),
         "settled_position_cm": settled_position_cm(errors),
         "settled_orientation_deg": float(np.degrees(rms(np.array(errors.orientation)))),
-    }
-    row |= {f"rmse_force_{level:g}n_n": rms(errors.force_at(level)) for level in (*LEVELS_N, STRONG_N)}
-    row |= {
         "rmse_estimate_n": rms(np.array(errors.estimate)),
         "overshoot_median_n": float(np.median(errors.overshoot)) if errors.overshoot else None,
         "overshoot_p95_n": float(np.percentile(errors.overshoot, 95)) if errors.overshoot else None,
@@ -103,24 +103,27 @@ def summary(case: str, setup: TrialSetup, errors: Errors) -> Row:
         "pushes": errors.pushes,
         "robot_minutes": errors.robot_minutes,
     }
-    return row
 
+    def row(mask: str, level: float, force: np.ndarray) -> Row:
+        what: Row = {
+            "case": case,
+            "controller": setup.controller,
+            "estimator": setup.estimator,
+            "mask": mask,
+            "force_level_n": level,
+            "mass_scale": setup.mass_scale,
+            "rmse_force_n": rms(force),
+        }
+        return what | {f"rmse_force_{axis}_n": rms(force[:, index]) for index, axis in enumerate(AXES)} | common
 
-def mask_rows(name: str, errors: Errors) -> list[Row]:
-    """Force error per axis for each mask and level that was asked for."""
-    rows: list[Row] = []
-    for (mask, level), samples in sorted(errors.force.items()):
-        error = np.array(samples)
-        if not error.size or mask == "000":
-            continue
-        row: Row = {"case": f"mask {mask} at {level:g} N", "controller": name}
-        rows.append(row | {f"rmse_force_{axis}_n": rms(error[:, index]) for index, axis in enumerate(AXES)})
-    return rows
+    rows = [row(ANY_MASK, level, errors.force_at(level)) for level in sorted({level for _, level in errors.force})]
+    masks = [(key, np.array(samples)) for key, samples in sorted(errors.force.items()) if key[0] != "000" and samples]
+    return rows + [row(mask, level, samples) for (mask, level), samples in masks]
 
 
 def inference_ms(setup: TrialSetup) -> float:
     """Median time of one controller step at a standing robot, ms."""
-    trial = ControllerTrial(setup, seed=1, settle_s=0.2)
+    trial = Trial(setup, seed=1, settle_s=0.2)
     pipeline, output = trial.session.pipeline, trial.session.output
     inputs = ControllerInput(
         sensor=trial.session.backend.read(),
@@ -157,16 +160,15 @@ def plot(folder: Path, rows: list[Row]) -> None:
     from matplotlib import pyplot
 
     names = list(dict.fromkeys(str(row["controller"]) for row in rows))
-    labels = list(dict.fromkeys(str(row["case"]) for row in rows if "rmse_force_20n_n" in row))
+    strong = [row for row in rows if row.get("mask") == ANY_MASK and row["force_level_n"] == LEVELS_N[-1]]
+    labels = list(dict.fromkeys(str(row["case"]) for row in strong))
     figure, panel = pyplot.subplots(figsize=(9, 3.5), layout="constrained")
     for index, name in enumerate(names):
-        values = {
-            str(row["case"]): row["rmse_force_20n_n"] for row in rows if row["controller"] == name and row["case"] in labels
-        }
+        values = {str(row["case"]): row["rmse_force_n"] for row in strong if row["controller"] == name}
         heights = [float(values.get(label) or np.nan) for label in labels]
         panel.bar(np.arange(len(labels)) + 0.8 * index / len(names), heights, 0.8 / len(names), label=name)
     panel.set_xticks(np.arange(len(labels)) + 0.3, labels, rotation=20, ha="right")
-    panel.set_ylabel("force RMSE at 20 N [N]")
+    panel.set_ylabel(f"force RMSE at {LEVELS_N[-1]:g} N [N]")
     panel.legend()
     folder.mkdir(parents=True, exist_ok=True)
     figure.savefig(folder / "policy_force_inputs.png", dpi=120)
@@ -196,9 +198,9 @@ def main() -> int:
         for piece, errors in map_unordered("local", play, plan, arguments.workers):
             results[piece.case].add(errors)
             report.progress(f"{name}, {piece.case}, seed {piece.seed}: {errors.falls} falls")
-        report.rows += [summary(piece.case, piece.setup, results[piece.case]) for piece in plan if piece.seed == arguments.seed]
-        for case in ("random", STRONG_CASE):
-            report.rows += mask_rows(name, results.get(case, Errors()))
+        for piece in plan:
+            if piece.seed == arguments.seed:
+                report.rows += case_rows(piece.case, piece.setup, results[piece.case])
         if "random" in results:
             add_bars(report, setups[name], results["random"])
         pushed = results.get(f"pushes {PUSH_N:g} N")
@@ -206,7 +208,7 @@ def main() -> int:
             report.bars.append(at_most(f"{name}: falls with pushes", pushed.falls, 1, "1"))
         if policy_guidance.CASE in arguments.cases:
             guidance[name] = policy_guidance.guide(setups[name], arguments.seed, arguments.quick, arguments.workers)
-            row = policy_guidance.guidance_row(name, guidance[name])
+            row = policy_guidance.guidance_row(setups[name], guidance[name])
             report.rows.append(row)
             report.progress(f"{name}, guidance: led with at most {row['largest_force_n']:.1f} N")
             if "model_based" in guidance and name != "model_based":

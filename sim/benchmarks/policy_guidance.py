@@ -11,7 +11,7 @@ import numpy as np
 from sim.benchmarks.report import Bar, Row, at_most
 from sim.processes.executors import map_unordered
 from sim.trials.guidance_trials import LeadResult, lead
-from sim.trials.policy_trials import ControllerTrial, TrialSetup
+from sim.trials.trial import Trial, TrialSetup
 
 CASE = "guidance"
 ANGLES_DEG = tuple(range(0, 360, 45))
@@ -22,7 +22,7 @@ REPEATS = 4
 def play_lead(job: tuple[TrialSetup, int, int]) -> tuple[tuple[int, int], LeadResult]:
     """One lead `(setup, seed, angle in degrees)`, and which one it is; importable by an executor's processes."""
     setup, seed, angle_deg = job
-    return (seed, angle_deg), lead(ControllerTrial(setup, seed), float(np.radians(angle_deg)))
+    return (seed, angle_deg), lead(Trial(setup, seed), float(np.radians(angle_deg)))
 
 
 def guide(setup: TrialSetup, seed: int, quick: bool, workers: int) -> list[LeadResult]:
@@ -33,12 +33,13 @@ def guide(setup: TrialSetup, seed: int, quick: bool, workers: int) -> list[LeadR
     return [result for _, result in sorted(map_unordered("local", play_lead, jobs, workers), key=lambda pair: pair[0])]
 
 
-def guidance_row(name: str, results: Sequence[LeadResult]) -> Row:
+def guidance_row(setup: TrialSetup, results: Sequence[LeadResult]) -> Row:
     """One row: the heaviest lead, the mean over all, and the worst of what else was achieved."""
     forces = [result.largest_force_n for result in results]
     return {
         "case": CASE,
-        "controller": name,
+        "controller": setup.controller,
+        "estimator": setup.estimator,
         "leads": len(results),
         "largest_force_n": max(forces),
         "mean_largest_force_n": float(np.mean(forces)),

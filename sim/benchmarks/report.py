@@ -50,11 +50,15 @@ def argument_parser(description: str) -> argparse.ArgumentParser:
 
 @dataclass(slots=True)
 class Report:
-    """Collects rows and bars of one run, prints them and writes the JSON file."""
+    """Collects rows and bars of one run, prints them and writes the JSON file.
+
+    `summaries` condense rows of single trials, where a benchmark has those; they are written beside the rows.
+    """
 
     benchmark: str
     seed: int
     rows: list[Row] = field(default_factory=list)
+    summaries: list[Row] = field(default_factory=list)
     bars: list[Bar] = field(default_factory=list)
     started: str = field(default_factory=lambda: datetime.now(UTC).isoformat(timespec="seconds"))
     _start_s: float = field(default_factory=time.perf_counter)
@@ -64,8 +68,8 @@ class Report:
         print(f"[{time.perf_counter() - self._start_s:6.1f} s] {text}", file=sys.stderr, flush=True)
 
     def finish(self, json_path: Path | None) -> None:
-        """Print rows and bars as tables and, with a path, write everything as JSON."""
-        print(format_table(self.rows))
+        """Print the table (summaries where there are any, else rows) and the bars, and with a path write all of it as JSON."""
+        print(format_table(self.summaries or self.rows))
         if self.bars:
             print()
             print(format_table([_without_nan(asdict(bar)) for bar in self.bars]))
@@ -79,6 +83,7 @@ class Report:
                 "started": self.started,
                 "duration_s": round(time.perf_counter() - self._start_s, 1),
                 "rows": [_without_nan(row) for row in self.rows],
+                **({"summaries": [_without_nan(row) for row in self.summaries]} if self.summaries else {}),
                 "bars": [_without_nan(asdict(bar)) for bar in self.bars],
             }
             json_path.parent.mkdir(parents=True, exist_ok=True)

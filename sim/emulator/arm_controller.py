@@ -11,6 +11,7 @@ import numpy as np
 
 from control.joints import ARM_SLICE
 from control.types import JointCommand
+from sim.backends.hardware.io.motions import ARM_FOLDED
 from sim.backends.protocol import BackendError
 from sim.backends.z1.frames import (
     COMMAND_FRAME,
@@ -24,7 +25,7 @@ from sim.backends.z1.frames import (
 )
 from sim.emulator.faults import Faults, FaultyChannel
 from sim.emulator.joint_readings import JointReadings
-from sim.emulator.physics import ARM_FOLDED, RobotBody, hold
+from sim.emulator.physics import RobotBody, hold
 
 COMMAND_TIMEOUT_S = 0.1
 """Low-level commands that stop are followed by PASSIVE. What the vendor's process does then is unknown."""

@@ -8,13 +8,14 @@ from queue import SimpleQueue
 import numpy as np
 
 from control.joints import JOINT_COUNT
+from control.timing import TICK_S
 from control.types import JointCommand
 from sim.backends.simulation.sensors import SensorConfig
 from sim.backends.unitree.link import RobotLink
 from sim.emulator.arm_controller import ArmController, ArmPorts
 from sim.emulator.base_board import DEFAULT_MODE, BaseBoard
 from sim.emulator.faults import Faults
-from sim.emulator.physics import STEP_S, RobotBody
+from sim.emulator.physics import RobotBody
 
 RESEND_S = 0.05
 _BEHIND_S = 0.1
@@ -83,7 +84,7 @@ class Emulator:
         """Step at 500 Hz of wall-clock time until `duration_s` is over or the "kill" fault is set."""
         start = due = time.perf_counter()
         while not self.faults.kill and (duration_s is None or time.perf_counter() - start < duration_s):
-            due += STEP_S
+            due += TICK_S
             wait = due - time.perf_counter()
             if wait > 0:
                 time.sleep(wait)

@@ -3,8 +3,9 @@
 import numpy as np
 
 from control.joints import JOINT_COUNT, JOINT_NAMES
+from control.timing import TICK_S
 from sim.emulator.faults import Faults
-from sim.emulator.physics import STEP_S, RobotBody
+from sim.emulator.physics import RobotBody
 
 
 class JointReadings:
@@ -29,7 +30,7 @@ class JointReadings:
         if faults.nan:
             position[JOINT_NAMES.index(faults.nan)] = np.nan
         if faults.overheat:
-            self._heat[JOINT_NAMES.index(faults.overheat)] += STEP_S * faults.overheat_rate
+            self._heat[JOINT_NAMES.index(faults.overheat)] += TICK_S * faults.overheat_rate
         else:
             self._heat[:] = 0.0
         return position, velocity, self._body.temperature + self._heat

@@ -3,20 +3,19 @@
 import numpy as np
 
 from control.joints import ARM_SLICE, JOINT_COUNT, LEG_SLICE, NOMINAL_POSITION, TORQUE_LIMIT
+from control.timing import TICK_S
 from control.types import JointCommand, SensorFrame
+from sim.backends.hardware.io.motions import ARM_FOLDED, CROUCH_LEGS
 from sim.backends.simulation.mujoco_backend import MujocoBackend
 from sim.backends.simulation.sensors import SensorConfig
 
-STEP_S = 0.002
 AMBIENT_C = 35.0
 HEATING_C_PER_S = 1.0
 COOLING_TIME_S = 120.0
 """First-order motor temperature: full torque heats by HEATING_C_PER_S, everything cools towards AMBIENT_C."""
 
 CROUCH = NOMINAL_POSITION.copy()
-CROUCH[LEG_SLICE] = [0.0, 1.3, -2.6] * 4
-ARM_FOLDED = np.array([0.0, 0.1, -0.1, -0.07, 0.0, 0.0])
-CROUCH[ARM_SLICE] = ARM_FOLDED
+CROUCH[LEG_SLICE], CROUCH[ARM_SLICE] = CROUCH_LEGS, ARM_FOLDED
 CROUCH.setflags(write=False)
 """Lying on the wheels with folded legs and arm, (22,) rad: how the robot is switched on."""
 
@@ -47,17 +46,17 @@ class RobotBody:
         return self.backend.read()
 
     def step(self, command: JointCommand) -> None:
-        """Advance by STEP_S under a command; torque follows position and velocity at this very step."""
+        """Advance by TICK_S under a command; torque follows position and velocity at this very step."""
         self.backend.write(command)
-        self.time_s += STEP_S
+        self.time_s += TICK_S
         load = np.minimum(np.abs(self.frame.joint_torque) / TORQUE_LIMIT, 1.0)
         cooling = (self.temperature - AMBIENT_C) / COOLING_TIME_S
-        self.temperature += STEP_S * (HEATING_C_PER_S * load * load - cooling)
+        self.temperature += TICK_S * (HEATING_C_PER_S * load * load - cooling)
 
     def _settle(self) -> None:
         """Lower the robot from the simulator's stance to how it is switched on."""
         start = self.frame.joint_position.copy()
-        steps = int(_SETTLE_S / STEP_S)
+        steps = int(_SETTLE_S / TICK_S)
         for step in range(steps):
             blend = min(1.0, 1.5 * step / steps)
             self.backend.write(hold(start + blend * (CROUCH - start)))

@@ -1,64 +1,61 @@
-"""A backend and the pipeline in lockstep: the one thing that the control process, benchmarks and tests all step.
+"""A backend and the pipeline in lockstep: what the control process, benchmarks and tests step.
 
-A session has no clock and no sockets. Feed it set-points, tick it, and let it fill a snapshot.
+A session has no clock and no sockets. Feed it set-points, tick it, and let it fill a snapshot. What only a simulation or
+only a robot can do stands in sim.runtime.simulation and sim.runtime.robot_session.
 """
 
-from dataclasses import dataclass, field, replace
-from typing import Any
+from dataclasses import replace
+from typing import Generic, TypeVar
 
 import numpy as np
 
 from control.command.limits import DEFAULT_COMMAND
-from control.frames import rotation_z
-from control.pipeline import TICK_S, Pipeline, PipelineConfig, PipelineOutput
+from control.pipeline import Pipeline, PipelineConfig, PipelineOutput
+from control.timing import TICK_S
 from control.types import Command
-from sim.backends.protocol import GroundTruth
-from sim.backends.simulation.mujoco_backend import MujocoBackend
-from sim.backends.simulation.sensors import SensorConfig
-from sim.backends.simulation.wrenches import ActiveWrench, Pulse
+from sim.backends.protocol import Backend, GroundTruth
 from sim.runtime.snapshot import Mode, command_from_record, command_to_record
+from sim.runtime.snapshot_limits import check_name, check_pipeline
 from sim.runtime.snapshot_writer import write_forces, write_policy, write_robot
-
-DRAG_HEARTBEAT_S = 0.3
-"""A drag whose operator has not been heard for this long is let go."""
 
 ERROR_WINDOW_S = 5.0
 """Time constant of the live error of each estimator."""
 
-
-@dataclass(frozen=True, slots=True)
-class SessionConfig:
-    """What a session is made of. `seed` draws the sensors' errors."""
-
-    scene: str = "free"
-    seed: int = 0
-    sensors: SensorConfig = field(default_factory=SensorConfig)
-    pipeline: PipelineConfig = field(default_factory=PipelineConfig)
+BackendT = TypeVar("BackendT", bound=Backend, covariant=True)
 
 
 class SessionError(RuntimeError):
     """The session's state forbids the call; the message says what to do."""
 
 
-class Session:
-    """One robot, its pipeline and what the console may do to them. Single-threaded."""
+class Session(Generic[BackendT]):
+    """One backend, its pipeline and what the console may do to any of them. Single-threaded.
 
-    def __init__(self, config: SessionConfig | None = None) -> None:
-        self.config = config or SessionConfig()
-        self.backend = self._open_backend()
-        self.pipeline = Pipeline(self.config.pipeline)
+    Args:
+        backend: opened here; its owner closes it.
+        pipeline: how to make the pipeline.
+
+    Raises:
+        BackendError: the backend cannot be opened; the message names the cure.
+        SnapshotLimitError: the pipeline's names or their number do not fit into a snapshot.
+    """
+
+    def __init__(self, backend: BackendT, pipeline: PipelineConfig | None = None) -> None:
+        self._backend = backend
+        backend.open()
+        self.pipeline = Pipeline(pipeline or PipelineConfig())
+        check_pipeline(self.pipeline)
         self.time_s = 0.0
         self._error_power = np.full(len(self.pipeline.estimator_names), np.nan)
         self._command = DEFAULT_COMMAND
         self._command_sequence = 0
+        self._unheard_sequence = -1
         self._output: PipelineOutput | None = None
-        self._truth: GroundTruth | None = None
-        self._drag_target: np.ndarray | None = None
 
-    def _open_backend(self) -> MujocoBackend:
-        backend = MujocoBackend(self.config.scene, self.config.sensors, self.config.seed)
-        backend.open()
-        return backend
+    @property
+    def backend(self) -> BackendT:
+        """What the pipeline reads and drives."""
+        return self._backend
 
     @property
     def output(self) -> PipelineOutput:
@@ -85,63 +82,35 @@ class Session:
         self._sensor = self.backend.read()
         self._output = self.pipeline.step(self._sensor, command, command_age_s)
         self.backend.write(self._output.joint_command)
-        self._truth = None
         self.time_s += TICK_S
         return self._output
 
     def tick_setpoint(self, setpoint: np.void, age_s: float) -> None:
-        """`tick` from a SETPOINT record, with the drag spring while its operator is alive."""
-        dragging = bool(setpoint["drag_active"]) and age_s < DRAG_HEARTBEAT_S
-        self._set_drag(setpoint["drag_target_in_world"].copy() if dragging else None)
-        command = command_from_record(setpoint["command"])
+        """`tick` from a SETPOINT record whose operator was last heard `age_s` ago.
+
+        A base velocity whose operator has fallen silent does not act again when he is heard again, only when he asks anew.
+        """
+        command, sequence = command_from_record(setpoint["command"]), int(setpoint["sequence"])
+        if age_s > self.pipeline.config.safety.setpoint_timeout_s:
+            self._unheard_sequence = sequence
+        if sequence == self._unheard_sequence:
+            command = replace(command, base_velocity=np.zeros(3))
         self.tick(command, age_s)
         self._command = command
-        self._command_sequence = int(setpoint["sequence"])
-
-    def _set_drag(self, target_in_world: np.ndarray | None) -> None:
-        if target_in_world is not None or self._drag_target is not None:
-            self.backend.set_drag(target_in_world)
-        self._drag_target = target_in_world
+        self._command_sequence = sequence
 
     def truth(self) -> GroundTruth | None:
-        """Ground truth after the last tick, for evaluation; None on hardware."""
-        if self._truth is None:
-            self._truth = self.backend.truth()
-        return self._truth
-
-    def reset(self, seed: int | None = None, keyframe: str = "stand") -> None:
-        """Put the simulated robot back and restart the pipeline.
-
-        Raises:
-            ValueError: unknown keyframe.
-        """
-        self.backend.reset(seed=seed, keyframe=keyframe)
-        self._restart()
-
-    def set_scene(self, name: str) -> None:
-        """Load another scene with the robot at its start.
-
-        Raises:
-            ValueError: unknown scene.
-        """
-        self.backend.set_scene(name)
-        self._restart()
-
-    def _reset_pipeline(self) -> None:
-        latched = self.pipeline.estop_latched
-        self.pipeline.reset()
-        if latched:  # only clear_estop clears it
-            self.pipeline.estop()
-
-    def _restart(self) -> None:
-        self._reset_pipeline()
-        self.time_s = 0.0
-        self._output = None
-        self._truth = None
-        self._error_power[:] = np.nan
+        """Ground truth after the last tick, for evaluation; None where the backend has none."""
+        return self.backend.truth()
 
     def select_controller(self, name: str) -> None:
-        """Switch controllers. Raises UnknownNameError (a ValueError) for an unknown name."""
+        """Switch controllers.
+
+        Raises:
+            UnknownNameError: a ValueError; no controller has this name.
+            SnapshotLimitError: the name of a controller that was added later does not fit into a snapshot.
+        """
+        check_name("controller", name)
         self.pipeline.select_controller(name)
 
     def select_estimator(self, name: str, k1: float | None = None, k2: float | None = None) -> None:
@@ -153,30 +122,6 @@ class Session:
         if (k1 is None) != (k2 is None):
             raise ValueError("gains need both k1 and k2")
         self.pipeline.select_estimator(name, None if k1 is None or k2 is None else (k1, k2))
-
-    def set_mismatch(self, mass_scale: float, per_link: dict[str, float] | None = None) -> None:
-        """Change the simulated robot's masses while it runs; the pipeline is not told.
-
-        Raises:
-            ValueError: out of range, or an unknown link.
-        """
-        self.backend.set_mismatch(replace(self.backend.mismatch, mass_scale=mass_scale, per_link=per_link or {}))
-
-    def add_wrench(self, **spec: Any) -> int:
-        """Start a scripted wrench (fields of sim.backends.simulation.wrenches.Pulse) and return its id.
-
-        Raises:
-            ValueError: the message names the field.
-        """
-        return self.backend.wrenches.add(Pulse(**spec))
-
-    def list_wrenches(self) -> tuple[ActiveWrench, ...]:
-        """What acts now, oldest first; the operator's drag is apart."""
-        return self.backend.wrenches.list()
-
-    def remove_wrench(self, key: int) -> None:
-        """End one wrench. Raises KeyError when it is not at work."""
-        self.backend.wrenches.remove(key)
 
     def estop(self) -> None:
         """Latch the e-stop."""
@@ -202,15 +147,14 @@ class Session:
             self._error_power[index] = power if np.isnan(last) else last + weight * (power - last)
 
     def fill(self, record: np.void) -> None:
-        """Fill a SNAPSHOT record: everything but the loop's own fields."""
+        """Fill a SNAPSHOT record but for the loop's own fields. What this session has not is NaN, zero or empty."""
         output, truth = self.output, self.truth()
         names, selected = self.pipeline.estimator_names, self.pipeline.estimator_name
         record["sequence"] += 1
         record["time_s"] = self.time_s
         record["mode"] = self.mode
         record["faults"] = int(output.safety.faults)
-        record["backend"] = self.backend.capabilities.name
-        record["scene"] = self.backend.scene
+        record["backend"] = self.backend.name
         record["controller"] = self.pipeline.controller_name
         record["estimator"] = selected
         record["command_sequence"] = self._command_sequence
@@ -220,12 +164,11 @@ class Session:
         write_policy(record, self.pipeline.controllers[self.pipeline.controller_name])
         record["force_errors_rms_n"] = np.nan
         record["force_errors_rms_n"][: len(names)] = np.sqrt(self._error_power)
-        self._fill_simulation(record)
+        for name in ("mass_scale_true", "drag_target_in_world", "drag_force_n"):
+            record[name] = np.nan
 
-    def _fill_simulation(self, record: np.void) -> None:
-        """The fields that only a simulation has."""
-        record["mass_scale_true"] = self.backend.mass_scale
-        record["drag_active"] = self._drag_target is not None
-        record["drag_target_in_world"] = np.nan if self._drag_target is None else self._drag_target
-        heading = rotation_z(float(record["heading_yaw"]))
-        record["drag_force_n"] = self.backend.wrenches.drag_force_in_world @ heading
+    def _reset_pipeline(self) -> None:
+        latched = self.pipeline.estop_latched
+        self.pipeline.reset()
+        if latched:  # only clear_estop clears it
+            self.pipeline.estop()

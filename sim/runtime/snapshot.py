@@ -11,9 +11,11 @@ import numpy as np
 from control.joints import JOINT_COUNT, LEGS
 from control.types import Command
 
+NAME_BYTES = 16
 MAX_ESTIMATORS = 8
 MAX_OBJECTS = 8
 MAX_OBSERVATION = 160
+"""sim.runtime.snapshot_limits refuses what is longer or more."""
 
 
 class Mode(IntEnum):
@@ -36,23 +38,26 @@ COMMAND = np.dtype(
     ]
 )
 
+NAME = f"S{NAME_BYTES}"
+
 SNAPSHOT = np.dtype(
     [
         ("sequence", "u8"),  # counts snapshots
         ("time_s", "f8"),  # simulated (or robot) time
         ("wall_time_s", "f8"),  # time.time() of the tick
+        ("published_s", "f8"),  # time.monotonic() of the snapshot
         ("mode", "u1"),  # Mode
         ("faults", "u4"),  # control.safety.Fault bits
-        ("backend", "S16"),
+        ("backend", NAME),
         ("drive_state", "u1"),  # sim.backends.hardware.states.DriveState; on hardware only, as the next two
         ("drive_faults", "u4"),  # Trip bits
         ("dry_run", "?"),  # nothing is sent to the robot
-        ("scene", "S16"),
-        ("controller", "S16"),
-        ("estimator", "S16"),
+        ("scene", NAME),
+        ("controller", NAME),
+        ("estimator", NAME),
         ("command_sequence", "u8"),  # of the newest set-point that took effect
         ("command", COMMAND),  # as asked
-        ("applied_command", COMMAND),  # after limits, slew and guidance
+        ("applied_command", COMMAND),  # as applied: after guidance, limits, the tip-over limit and rate limits
         ("base_position", "f8", 3),  # in world; truth in simulation, odometry on hardware
         ("base_orientation_wxyz", "f8", 4),
         ("base_linear_velocity", "f8", 3),  # in heading, estimated
@@ -68,14 +73,14 @@ SNAPSHOT = np.dtype(
         ("force_estimated_n", "f8", 3),  # by the selected estimator, in heading
         ("force_sigma_n", "f8", 3),
         ("force_true_n", "f8", 3),
-        ("estimator_names", "S16", MAX_ESTIMATORS),
+        ("estimator_names", NAME, MAX_ESTIMATORS),
         ("force_estimates_n", "f8", (MAX_ESTIMATORS, 3)),
         ("force_errors_rms_n", "f8", MAX_ESTIMATORS),  # N, last seconds, vector error against truth
         ("wheel_in_contact", "?", len(LEGS)),
         ("wheel_force_estimated_n", "f8", (len(LEGS), 3)),
         ("wheel_force_true_n", "f8", (len(LEGS), 3)),
         ("wheel_contact_position_in_world", "f8", (len(LEGS), 3)),
-        ("policy_form", "S16"),  # observation form of the selected policy (control.policy.observation), empty without one
+        ("policy_form", NAME),  # observation form of the selected policy (control.policy.observation), empty without one
         ("policy_observation", "f4", MAX_OBSERVATION),
         ("policy_action", "f4", JOINT_COUNT),
         ("mass_scale_estimated", "f8"),
@@ -89,6 +94,7 @@ SNAPSHOT = np.dtype(
         ("loop_rate_hz", "f8"),
         ("real_time_factor", "f8"),
         ("overruns", "u8"),
+        ("overrun_share", "f8"),  # of the ticks of the last seconds
         ("rebases", "u4"),  # times the loop fell so far behind that it dropped the lost time
         ("held_s", "f8"),  # time spent on slow work that was asked for, such as loading a scene
         ("lateness_p99_ms", "f8"),

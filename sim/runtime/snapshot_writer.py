@@ -8,7 +8,7 @@ from control.policy.policy_controller import PolicyController
 from control.types import SensorFrame
 from control.whole_body.controller import Controller
 from sim.backends.protocol import GroundTruth
-from sim.runtime.snapshot import MAX_OBJECTS, command_to_record
+from sim.runtime.snapshot import command_to_record
 
 LOADED_WHEEL_N = 5.0
 """Estimated normal force above which a wheel counts as in contact where there is no truth."""
@@ -65,7 +65,7 @@ def write_forces(
     record["wheel_force_true_n"] = truth.wheel_forces
     record["wheel_in_contact"] = truth.wheel_in_contact
     record["wheel_contact_position_in_world"] = truth.wheel_contact_positions
-    count = min(len(truth.object_positions), MAX_OBJECTS)
+    count = len(truth.object_positions)
     record["object_count"] = count
     record["object_position"][:count] = truth.object_positions[:count]
     record["object_orientation_wxyz"][:count] = truth.object_orientations_wxyz[:count]

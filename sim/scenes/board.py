@@ -1,4 +1,4 @@
-"""Board wiping (paper Sec. V.B): follow a pattern on a level board (x, y) while the force along z is regulated."""
+"""Board wiping (paper Sec. IV.B): follow a pattern on a level board (x, y) while the force along z is regulated."""
 
 import mujoco
 

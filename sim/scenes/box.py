@@ -1,4 +1,4 @@
-"""Box dragging (paper Sec. IV): press on top of a box and drag it sideways by force alone.
+"""Box dragging (paper Sec. III.D): press on top of a box and drag it sideways by force alone.
 
 The box runs on a lateral slide with viscous friction, so a lateral force A cos(w t) should move it by +-A / (c w):
 0.2 m for 8 N at 0.2 Hz. The paper gives no mass or friction; these are chosen to meet its +-0.2 m range.

@@ -1,4 +1,4 @@
-"""Spring-loaded door (paper Sec. V.C): press the lever down to free the latch, then push the door open against its closer.
+"""Spring-loaded door (paper Sec. IV.C): press the lever down to free the latch, then push the door open against its closer.
 
 The latch is mechanical: a bolt behind the lever's axis stands in front of a strike plate on the frame and swings clear of
 it when the lever is pressed down by about 0.35 rad. Positive door angles open away from the robot.

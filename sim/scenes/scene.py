@@ -71,7 +71,7 @@ def assemble(name: str, description: str, add_objects: Callable[[mujoco.MjSpec],
     spec = mujoco.MjSpec.from_file(str(ROBOT_MJCF))
     robot_bodies = tuple(body.name for body in spec.bodies if body.name != "world")
     _forget_robot_defaults(spec)
-    # The wheels and the tool have priority 1, so their friction holds on whatever they touch.
+    # Its friction is for objects and links: wheels and tool have priority 1, so theirs holds on whatever they touch.
     spec.worldbody.add_geom(
         name="floor",
         type=mujoco.mjtGeom.mjGEOM_PLANE,

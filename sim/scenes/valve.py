@@ -1,4 +1,4 @@
-"""Valve rotation (paper Sec. V.A): turn a handwheel that faces the robot by a force in the y-z plane.
+"""Valve rotation (paper Sec. IV.A): turn a handwheel that faces the robot by a force in the y-z plane.
 
 The tool is a ball and cannot grasp, so the wheel's handle is a short square cup, open towards the robot: the ball in it
 pulls and pushes in every direction of the plane while its orientation stays free.

@@ -6,7 +6,7 @@ import numpy as np
 
 from control.command.command_record import commands
 from control.command.guidance import GUIDANCE_STATE, GuidanceConfig, follow_hands, guidance_record
-from sim.trials.control_trials import reachable_hands
+from sim.trials.random_segments import reachable_hands
 
 FREE, FORCE, TOUCH, SLIDE, LEAD = range(5)
 """Kinds of segment: no force axis; force axes against springs that move; against something stiff that does not, like a table;

@@ -13,8 +13,8 @@ from control.command.limits import CommandLimits
 from control.joints import JOINT_COUNT, NOMINAL_BASE_HEIGHT_M
 from control.policy.action import ActionMap
 from control.policy.observation import EXTENDED_FORM, RESIDUAL_FORM, Observation, advance_phase
+from control.timing import CONTROL_PERIOD_S
 from control.whole_body.arm import ArmConfig
-from control.whole_body.controller import CONTROL_PERIOD_S
 from control.whole_body.task_memory import TASK_MEMORY, TaskMemory, TaskMemoryConfig
 from control.whole_body.task_signals import TASK_SIGNALS
 from sim.training.batch_rotations import (

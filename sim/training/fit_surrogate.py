@@ -15,10 +15,10 @@ from pathlib import Path
 import numpy as np
 
 from control.provenance import commit
-from control.whole_body.controller import CONTROL_PERIOD_S
+from control.timing import CONTROL_PERIOD_S
 from sim.training.surrogate import MOTION_NAMES, SURROGATE_FILE, LowPass, SurrogateParameters
-from sim.trials.control_trials import RandomSegments
-from sim.trials.policy_trials import ControllerTrial, TrialSetup
+from sim.trials.random_segments import RandomSegments
+from sim.trials.trial import Trial, TrialSetup
 
 logger = logging.getLogger("fit_estimator_surrogate")
 
@@ -39,7 +39,7 @@ class EstimatorRecording:
 
 def record(seed: int, seconds: float, mass_scale: float, estimator: str) -> EstimatorRecording:
     """Record one run of random commands under the model-based controller."""
-    trial = ControllerTrial(TrialSetup(estimator=estimator, mass_scale=mass_scale), seed)
+    trial = Trial(TrialSetup(estimator=estimator, mass_scale=mass_scale), seed)
     segments = RandomSegments(seed, (5.0, 10.0, 20.0))
     truths, estimates, velocities = [], [], []
     while len(truths) * CONTROL_PERIOD_S < seconds and not trial.fallen:

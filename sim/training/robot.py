@@ -25,7 +25,7 @@ from control.joints import (
     WHEEL_RADIUS_M,
     WHEEL_SLICE,
 )
-from control.whole_body.controller import CONTROL_PERIOD_S
+from control.timing import CONTROL_PERIOD_S
 from sim import scenes
 from sim.training.batch_rotations import cross, headings, rotate, rotate_back, rotations_from_quaternions
 

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from control.paths import WEIGHTS_DIRECTORY
-from control.whole_body.controller import CONTROL_PERIOD_S
+from control.timing import CONTROL_PERIOD_S
 
 SURROGATE_FILE = WEIGHTS_DIRECTORY / "estimator_surrogate.json"
 MOTION_NAMES = ("forward_velocity", "yaw_rate", "forward_acceleration", "yaw_acceleration")

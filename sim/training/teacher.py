@@ -21,8 +21,8 @@ from control.joints import (
     WHEEL_SLICE,
 )
 from control.robot_model import GRAVITY_MPS2, RobotModel
+from control.timing import CONTROL_PERIOD_S
 from control.whole_body.arm import ArmConfig
-from control.whole_body.controller import CONTROL_PERIOD_S
 from control.whole_body.legs import LegConfig
 from control.whole_body.reference_correction import NO_CORRECTION, ReferenceCorrection
 from control.whole_body.stance import Stance, StanceConfig

@@ -9,7 +9,7 @@ import numpy as np
 
 from control.command.limits import DEFAULT_COMMAND
 from sim.backends.simulation.wrenches import BodyState
-from sim.trials.control_trials import Trial
+from sim.trials.trial import Trial
 
 
 @dataclass(slots=True)

@@ -12,7 +12,9 @@ import numpy as np
 from control.robot_model import RobotModel
 from control.whole_body.controller import Controller
 from sim.processes.executors import map_unordered
-from sim.trials.policy_trials import DragResult, Errors, TrialSetup, drag_box, random_commands
+from sim.trials.box_drag import DragResult, drag_box
+from sim.trials.random_commands import Errors, random_commands, rms, settled_position_cm
+from sim.trials.trial import TrialSetup
 
 BARS = {
     "velocity_mps": 0.05,
@@ -38,19 +40,6 @@ class Score:
     total: float
     parts: dict[str, float]
     falls: int
-
-
-def rms(values: np.ndarray) -> float:
-    """Root mean square over everything that is not NaN; NaN when nothing is left."""
-    kept = values[np.isfinite(values)]
-    return float(np.sqrt(np.mean(kept**2))) if kept.size else float("nan")
-
-
-def settled_position_cm(errors: Errors) -> float:
-    """RMS length of the settled position error over the position axes of each sample, cm; NaN without any."""
-    position = np.array(errors.position)
-    held = np.isfinite(position).any(axis=1) if position.size else np.zeros(0, bool)
-    return 100.0 * rms(np.sqrt(np.nansum(position[held] ** 2, axis=1))) if held.any() else float("nan")
 
 
 def score_controller(

@@ -7,8 +7,8 @@ import numpy as np
 from control.estimation.force_estimator import EstimatorInput
 from control.estimation.networks.force_signals import signals_at
 from control.estimation.projecting_estimator import ProjectingEstimator
-from control.learning.rollout_data import MEASURED, NOMINAL, NOMINAL_ESTIMATORS, PERIOD_S
-from control.pipeline import TICK_S
+from control.learning.rollout_data import MEASURED, NOMINAL, NOMINAL_ESTIMATORS
+from control.timing import CONTROL_PERIOD_S, SLOT_COUNT
 from sim.trials.rollout_plans import RolloutPlan
 from sim.trials.rollout_profiles import rms_force, rms_slope
 from sim.trials.rollout_runner import RolloutRunner, Tick, first_accepted
@@ -40,18 +40,17 @@ def record_rollout(plan: RolloutPlan) -> Recording:
     if arrays is None:
         return Recording(plan, plan.seed, rejected, {}, float("nan"), float("nan"))
     force = arrays["force_true_n"]
-    return Recording(plan, seed, rejected, arrays, rms_force(force), rms_slope(force, PERIOD_S))
+    return Recording(plan, seed, rejected, arrays, rms_force(force), rms_slope(force, CONTROL_PERIOD_S))
 
 
 def _record(plan: RolloutPlan, seed: int) -> dict[str, np.ndarray]:
     """Arrays of one attempt. Raises RejectedError."""
     runner = RolloutRunner(plan, seed)
     # The network may run at any phase of the 50 Hz controller.
-    period = round(PERIOD_S / TICK_S)
-    phase = int(runner.random.integers(period))
+    phase = int(runner.random.integers(SLOT_COUNT))
     rows: dict[str, list[np.ndarray]] = {}
     for tick in runner.ticks():
-        if tick.index % period == phase:
+        if tick.index % SLOT_COUNT == phase:
             for name, value in _row(runner, tick).items():
                 rows.setdefault(name, []).append(value.astype(np.float32))
     return {name: np.array(values, np.float32) for name, values in rows.items()}
@@ -59,7 +58,8 @@ def _record(plan: RolloutPlan, seed: int) -> dict[str, np.ndarray]:
 
 def _row(runner: RolloutRunner, tick: Tick) -> dict[str, np.ndarray]:
     """What is recorded of one tick."""
-    inputs = EstimatorInput(runner.pipeline.model, tick.sensor, tick.output.base, tick.output.applied_command.mask)
+    output = tick.output
+    inputs = EstimatorInput(tick.index, runner.pipeline.model, tick.sensor, output.base, output.applied_command.mask)
     row: dict[str, np.ndarray] = {}
     for name in NOMINAL_ESTIMATORS:
         estimator = runner.pipeline.estimators[name]

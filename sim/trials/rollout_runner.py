@@ -12,8 +12,8 @@ import numpy as np
 from control.command.limits import DEFAULT_COMMAND
 from control.estimation.registry import EstimatorsConfig
 from control.joints import LEGS
-from control.learning.rollout_data import PERIOD_S
-from control.pipeline import TICK_S, Pipeline, PipelineConfig, PipelineOutput
+from control.pipeline import Pipeline, PipelineConfig, PipelineOutput
+from control.timing import SLOT_COUNT, TICK_S
 from control.types import Command, SensorFrame
 from sim.backends.protocol import BackendError
 from sim.backends.simulation.mujoco_backend import MujocoBackend
@@ -22,10 +22,11 @@ from sim.trials.rollout_plans import RolloutPlan
 from sim.trials.rollout_profiles import MotionConfig, RandomMotion, SampledForce, random_spring, sampled_force
 
 ATTEMPTS = 8
+DRIVER = "model_based"
+"""Controller that drives every rollout, on the estimate of `adaptive`: data and tests do not depend on what is trained."""
 MINIMUM_HEIGHT_M = 0.2
 LIMIT_MARGIN_RAD = 0.01
 LIMIT_SHARE = 0.01
-CHECK_TICKS = round(PERIOD_S / TICK_S)
 SPRING_MOTION = MotionConfig(base_velocity_limit=(0.15, 0.05, 0.15), force_mode_share=0.4)
 SPRING_INTERVAL_S = (1.5, 3.5)
 
@@ -52,7 +53,7 @@ class Tick:
 
 def rollout_pipeline() -> Pipeline:
     """The pipeline that drives every rollout."""
-    return Pipeline(PipelineConfig(controller="model_based", estimator="adaptive", estimators=EstimatorsConfig(weights=None)))
+    return Pipeline(PipelineConfig(controller=DRIVER, estimator="adaptive", estimators=EstimatorsConfig(weights=None)))
 
 
 def drive(
@@ -140,7 +141,7 @@ class RolloutRunner:
         """
         at_limit = checks = 0
         for tick in drive(self.backend, self.pipeline, self._act, self._plan.duration_s):
-            if tick.index % CHECK_TICKS == 0:
+            if tick.index % SLOT_COUNT == 0:
                 self._check_contacts()
                 at_limit += self._at_joint_limit(tick.sensor.joint_position)
                 checks += 1

@@ -7,25 +7,35 @@ frames per second, so tests wait for conditions, mostly of the REST state, and n
 import os
 import shutil
 import signal
-import subprocess
-import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import FrameType
 
 import pytest
-from console_page import PATIENCE_S, ROBOT_DOMAIN, Api, Client, Server
 from playwright.sync_api import Browser, Page, ViewportSize, sync_playwright
-from tcp_proxy import TcpProxy
 
 from sim.emulator.process import free_udp_port
+from tests.browser.console_page import PATIENCE_S, Api, Client
+from tests.browser.tcp_proxy import TcpProxy
+from tests.console_process import ConsoleProcess
+from tests.dds_domain import dds_domain
 
-ROOT = Path(__file__).resolve().parents[2]
 VIEWPORT: ViewportSize = {"width": 1280, "height": 800}
 SMALL: ViewportSize = {"width": 1000, "height": 600}
 HANG_S = 240
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
 FLAGS = ("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-background-networking")
+
+
+def chromium_path() -> str | None:
+    """Path of a Chromium on this machine, None without one."""
+    return next(filter(None, map(shutil.which, BROWSERS)), None)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    for item in items:
+        if item.path.is_relative_to(Path(__file__).parent):
+            item.add_marker(pytest.mark.browser)
 
 
 @pytest.fixture(autouse=True)
@@ -42,9 +52,9 @@ def no_test_hangs() -> Iterator[None]:
     signal.signal(signal.SIGALRM, previous)
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")
 def browser() -> Iterator[Browser]:
-    executable = next(filter(None, map(shutil.which, BROWSERS)), None)
+    executable = chromium_path()
     if executable is None:
         message = f"no Chromium found (looked for {', '.join(BROWSERS)}); install one to run the browser tests"
         if os.environ.get("CI") == "true":
@@ -56,30 +66,30 @@ def browser() -> Iterator[Browser]:
         chromium.close()
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")
+def domain() -> Iterator[int]:
+    """DDS domain of the robot that the console meets when it is switched to hardware."""
+    with dds_domain() as domain:
+        yield domain
+
+
+@pytest.fixture(scope="package")
 def arm_port() -> int:
-    """Where the robot that a console with hardware meets has its arm."""
+    """Where that robot has its arm."""
     return free_udp_port()
 
 
-@pytest.fixture(scope="session")
-def server(browser: Browser, arm_port: int) -> Iterator[Server]:
-    command = [sys.executable, "-m", "server", "--no-browser", "--port", "0"]
-    command += ["--domain", str(ROBOT_DOMAIN), "--arm-port", str(arm_port)]
-    environment = os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "PYTHONUNBUFFERED": "1"}
-    process = subprocess.Popen(command, cwd=ROOT, env=environment, stdout=subprocess.PIPE, text=True)
-    assert process.stdout is not None
-    address = next((line.split()[-1].rstrip("/") for line in process.stdout if line.startswith("Forcelens is at")), None)
-    assert address is not None, f"the server ended with status {process.wait()}"
-    yield Server(process, Api(address))
-    process.terminate()
-    process.wait(timeout=20.0)
+@pytest.fixture(scope="package")
+def console(browser: Browser, domain: int, arm_port: int) -> Iterator[ConsoleProcess]:
+    console = ConsoleProcess("--domain", str(domain), "--arm-port", str(arm_port))
+    yield console
+    console.close()
 
 
 @pytest.fixture
-def api(server: Server) -> Api:
+def api(console: ConsoleProcess) -> Api:
     """The REST interface of a running, freshly reset simulation."""
-    api = server.api
+    api = Api(console.address)
     if api.state()["mode"] == "estop":
         api.call("POST", "estop/clear")
     api.call("POST", "reset", {})
@@ -88,8 +98,8 @@ def api(server: Server) -> Api:
     return api
 
 
-@pytest.fixture(scope="session")
-def open_client(server: Server, browser: Browser) -> Iterator[Callable[[str], Client]]:
+@pytest.fixture(scope="package")
+def open_client(browser: Browser) -> Iterator[Callable[[str], Client]]:
     """Opens pages and closes them in the end. Opening one takes seconds, so tests share them."""
     pages: list[Page] = []
 
@@ -106,9 +116,9 @@ def open_client(server: Server, browser: Browser) -> Iterator[Callable[[str], Cl
         page.close()
 
 
-@pytest.fixture(scope="session")
-def first_client(server: Server, open_client: Callable[[str], Client]) -> Client:
-    return open_client(server.api.address)
+@pytest.fixture(scope="package")
+def first_client(console: ConsoleProcess, open_client: Callable[[str], Client]) -> Client:
+    return open_client(console.address)
 
 
 @pytest.fixture
@@ -128,9 +138,9 @@ def drawing_client(first_client: Client, api: Api) -> Iterator[Client]:
 
 
 @pytest.fixture(scope="module")
-def proxy(server: Server) -> Iterator[TcpProxy]:
-    """A way to the server that a test can cut."""
-    with TcpProxy(int(server.api.address.rsplit(":", 1)[1])) as proxy:
+def proxy(console: ConsoleProcess) -> Iterator[TcpProxy]:
+    """A way to the console that a test can cut."""
+    with TcpProxy(int(console.address.rsplit(":", 1)[1])) as proxy:
         yield proxy
 
 

@@ -1,20 +1,15 @@
-"""A console in a process of its own, its REST interface, and pages on it."""
+"""A console's REST interface, and pages on it."""
 
 import json
-import os
-import subprocess
 import time
 import urllib.request
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 from playwright.sync_api import FrameLocator, Locator, Page
 
 PATIENCE_S = 60.0
-ROBOT_DOMAIN = 100 + os.getpid() % 100
-"""DDS domain of the robot that the console meets when it is switched to hardware."""
 
 REST_SCENE = """
 addEventListener("DOMContentLoaded", () => {
@@ -62,22 +57,6 @@ class Api:
     def until(self, condition: Callable[[dict[str, Any]], Any], what: str) -> dict[str, Any]:
         """The first state that fulfils `condition`."""
         return eventually(lambda: (lambda state: state if condition(state) else None)(self.state()), what)
-
-
-@dataclass
-class Server:
-    """A console in a process of its own."""
-
-    process: subprocess.Popen[str]
-    api: Api
-
-    def control_pid(self) -> int:
-        """Process id of the control process, the server's spawned child."""
-        threads = Path(f"/proc/{self.process.pid}/task").iterdir()  # any of them may have started it
-        children = [pid for thread in threads for pid in (thread / "children").read_text().split()]
-        spawned = [int(pid) for pid in children if "spawn_main" in Path(f"/proc/{pid}/cmdline").read_text()]
-        assert len(spawned) == 1
-        return spawned[0]
 
 
 @dataclass

@@ -1,7 +1,8 @@
 """Where elements are, and whether anything covers them."""
 
-from console_page import Client
 from playwright.sync_api import FloatRect, Locator
+
+from tests.browser.console_page import Client
 
 
 def box(locator: Locator) -> FloatRect:

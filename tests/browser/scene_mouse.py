@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from console_page import Api, Client, happens
 
+from tests.browser.console_page import Api, Client, happens
 from web.camera import FOV_RAD, PRESETS, START
 
 ATTEMPTS = 4

@@ -1,7 +1,8 @@
 """The e-stop latches, shows what the control process reports, and clears only on purpose."""
 
 import pytest
-from console_page import Api, Client, eventually
+
+from tests.browser.console_page import Api, Client, eventually
 
 
 def test_the_button_latches_until_it_is_cleared_with_two_presses(client: Client, api: Api) -> None:

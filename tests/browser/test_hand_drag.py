@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
-from console_page import Api, Client, eventually
-from scene_mouse import drag, error, grab, size
+
+from tests.browser.console_page import Api, Client, eventually
+from tests.browser.scene_mouse import drag, error, grab, size
 
 
 def test_the_estimate_follows_the_pull_and_its_release(drawing_client: Client, api: Api) -> None:

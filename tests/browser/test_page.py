@@ -1,12 +1,12 @@
 """The page loads clean, and its bar and keys do what they say."""
 
-from console_page import Api, Client, eventually
-from page_geometry import is_on_top
+from tests.browser.console_page import Api, Client, eventually
+from tests.browser.page_geometry import is_on_top
 
 
 def test_it_loads_without_errors(client: Client, api: Api) -> None:
     assert client.load_errors == []
-    assert client.text("mode") == "Running"
+    eventually(lambda: client.text("mode") == "Running", "the bar shows the mode")
     assert client.text("backend") == "simulation, free"
     assert client.text("estimator") == api.state()["estimator"]
 

@@ -1,7 +1,7 @@
 """Nothing covers the robot or the e-stop on a laptop."""
 
-from console_page import Client
-from page_geometry import box, is_on_top
+from tests.browser.console_page import Client
+from tests.browser.page_geometry import box, is_on_top
 
 LAPTOP_WIDTH, LAPTOP_HEIGHT = 1280, 800
 

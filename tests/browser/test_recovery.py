@@ -3,11 +3,12 @@
 import os
 import signal
 
-from console_page import Api, Client, Server, eventually
+from tests.browser.console_page import Api, Client, eventually
+from tests.console_process import ConsoleProcess
 
 
-def test_a_dead_control_process_shows_and_restarts(client: Client, api: Api, server: Server) -> None:
-    os.kill(server.control_pid(), signal.SIGKILL)
+def test_a_dead_control_process_shows_and_restarts(client: Client, api: Api, console: ConsoleProcess) -> None:
+    os.kill(console.control_pid(), signal.SIGKILL)
     eventually(lambda: client.text("mode") == "Stopped", "the bar shows it")
     eventually(client.alert.is_visible, "the scene's panel shows it")
     client.page.get_by_test_id("control-action").click()

@@ -1,11 +1,12 @@
 """Two browsers agree; one whose network fails lets go of the robot and comes back; one may be a phone."""
 
 import pytest
-from console_page import Api, Client, eventually
-from page_geometry import box, is_on_top
 from playwright.sync_api import ViewportSize
-from scene_mouse import grab, size
-from tcp_proxy import TcpProxy
+
+from tests.browser.console_page import Api, Client, eventually
+from tests.browser.page_geometry import box, is_on_top
+from tests.browser.scene_mouse import grab, size
+from tests.browser.tcp_proxy import TcpProxy
 
 PHONE: ViewportSize = {"width": 390, "height": 844}
 

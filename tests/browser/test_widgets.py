@@ -1,7 +1,8 @@
 """Every widget reaches the state, and every change of the state reaches the widgets."""
 
 import pytest
-from console_page import Api, Client, eventually
+
+from tests.browser.console_page import Api, Client, eventually
 
 
 @pytest.fixture(autouse=True)

@@ -21,9 +21,9 @@ from control.joints import (
 )
 from control.robot_model import RobotModel
 from control.safety import Fault, SafetyConfig, SafetyGate, TargetsError
+from control.timing import CONTROL_PERIOD_S, TICK_S
 from control.types import BaseState, SensorFrame
 
-TICK = 0.002
 CONFIG = SafetyConfig()
 
 
@@ -65,12 +65,12 @@ def torque_of(command, sensor):
 
 def run(gate, targets, seconds, start_s=0.0, **frame_options):
     """Fresh targets every 20 ms, as a controller delivers them."""
-    last = round(seconds / TICK) - 1
+    last = round(seconds / TICK_S) - 1
     current = np.array(targets, dtype=float)
     for tick in range(last):
         current = current.copy() if tick % 10 == 0 else current
-        gate.step(current, frame(start_s + tick * TICK, **frame_options), base())
-    sensor = frame(start_s + last * TICK, **frame_options)
+        gate.step(current, frame(start_s + tick * TICK_S, **frame_options), base())
+    sensor = frame(start_s + last * TICK_S, **frame_options)
     return *gate.step(current, sensor, base()), sensor
 
 
@@ -98,7 +98,7 @@ def test_predicted_torque_never_exceeds_the_limit(model, targets, offset, veloci
     position = NOMINAL_POSITION + offset
     run(gate, NOMINAL_POSITION, 0.2, position=position)
     for tick in range(20):
-        sensor = frame(0.2 + tick * TICK, position=position, velocity=velocity)
+        sensor = frame(0.2 + tick * TICK_S, position=position, velocity=velocity)
         command, _ = gate.step(targets, sensor, base())
         assert np.all(np.abs(torque_of(command, sensor)) <= TORQUE_LIMIT * (1 + 1e-9))
 
@@ -149,12 +149,12 @@ def test_a_joint_that_is_too_fast_may_only_be_braked(gate):
 
 def test_targets_are_slewed(gate):
     run(gate, NOMINAL_POSITION, 0.3)
-    before, _, _ = run(gate, NOMINAL_POSITION, 0.02, start_s=0.3)
+    before, _, _ = run(gate, NOMINAL_POSITION, CONTROL_PERIOD_S, start_s=0.3)
     targets = NOMINAL_POSITION.copy()
     targets[LEG_SLICE] += 0.5
     after, _ = gate.step(targets, frame(0.32), base())
     step = after.position - before.position
-    assert np.allclose(step[LEG_SLICE], CONFIG.leg_slew_rps * TICK)
+    assert np.allclose(step[LEG_SLICE], CONFIG.leg_slew_rps * TICK_S)
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
@@ -166,7 +166,7 @@ def test_targets_that_are_not_finite_are_refused_and_the_last_good_ones_held_the
     assert Fault.NOT_FINITE in status.faults
     assert np.allclose(command.position, good.position)
     for tick in range(60):
-        command, status = gate.step(targets.copy(), frame(0.202 + tick * TICK), base())
+        command, status = gate.step(targets.copy(), frame(0.202 + tick * TICK_S), base())
         assert np.isfinite(torque_of(command, frame())).all()
     assert status.damping
 
@@ -216,9 +216,9 @@ def test_stale_targets_are_held_then_damped_and_return(gate):
     targets = NOMINAL_POSITION.copy()
     seen = []
     for tick in range(60):
-        _, status = gate.step(targets, frame(0.2 + tick * TICK), base())
+        _, status = gate.step(targets, frame(0.2 + tick * TICK_S), base())
         seen.append((Fault.STALE_TARGETS in status.faults, status.damping))
-    for age, (stale, damped) in zip(np.arange(60) * TICK, seen, strict=True):
+    for age, (stale, damped) in zip(np.arange(60) * TICK_S, seen, strict=True):
         if abs(age - CONFIG.hold_timeout_s) > 1e-6:
             assert stale == (age > CONFIG.hold_timeout_s)
         if abs(age - CONFIG.damp_timeout_s) > 1e-6:
@@ -261,7 +261,7 @@ def test_standing_up_starts_at_the_measured_posture_and_torque_and_ends_at_the_t
     targets = NOMINAL_POSITION.copy()
     for tick in range(1200):
         targets = targets.copy() if tick % 10 == 0 else targets
-        sensor = frame(tick * TICK, position=folded, torque=torque)
+        sensor = frame(tick * TICK_S, position=folded, torque=torque)
         command, _ = gate.step(targets, sensor, base())
         commands.append(torque_of(command, sensor))
     assert np.allclose(commands[0], torque)
@@ -286,16 +286,16 @@ def test_another_controller_in_motion_takes_over_smoothly_and_stays_in_control(g
     gate.hand_over()
     after = NOMINAL_POSITION + 0.2 * (STIFFNESS > 0.0)
     applied, targets = [], after
-    for tick in range(round(CONFIG.handover_s / TICK) + 1):
+    for tick in range(round(CONFIG.handover_s / TICK_S) + 1):
         targets = after.copy() if tick % 10 == 0 else targets
-        applied.append(gate.step(targets, frame(0.5 + tick * TICK), base())[0].position)
+        applied.append(gate.step(targets, frame(0.5 + tick * TICK_S), base())[0].position)
         assert gate.in_control
     assert np.allclose(applied[0], NOMINAL_POSITION * (STIFFNESS > 0.0), atol=1e-9)
     assert np.allclose(applied[-1], after * (STIFFNESS > 0.0))
     # A minimum-jerk blend of 0.2 rad is nowhere faster than 15/8 of its mean speed; the bare slew limit would be far above.
     fastest = np.abs(np.diff(applied, axis=0)).max()
-    assert fastest <= 15.0 / 8.0 * 0.2 / CONFIG.handover_s * TICK * (1.0 + 1e-6)
-    assert fastest < 0.1 * CONFIG.leg_slew_rps * TICK
+    assert fastest <= 15.0 / 8.0 * 0.2 / CONFIG.handover_s * TICK_S * (1.0 + 1e-6)
+    assert fastest < 0.1 * CONFIG.leg_slew_rps * TICK_S
 
 
 def test_a_handover_while_standing_up_changes_nothing(model):

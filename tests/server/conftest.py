@@ -1,100 +1,16 @@
-"""A server as people run it, on a free port, around the real session but with a stand-in for the 3-D scene's server."""
+"""A server that the tests of this folder share."""
 
-import asyncio
-import socket
-import threading
-import time
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator
 
-import httpx
 import pytest
-import uvicorn
-import websockets
 
-from server.app import create_app
-from server.control_client import ControlClient
-from server.control_process import ControlLaunch
-from server.operator import Operator
-from server.web_server import uvicorn_config
-
-SCENE_PROTOCOL = websockets.Subprotocol("viser-test")
+from tests.server.running_server import RunningServer, running_server
 
 
-@dataclass
-class RunningServer:
-    """A server in this process, its control process, and a client of it."""
-
-    port: int
-    operator: Operator
-    http: httpx.Client
-
-    def socket_url(self, path: str) -> str:
-        return f"ws://127.0.0.1:{self.port}{path}"
-
-    def state(self) -> dict:
-        return self.http.get("/api/v1/state").json()
-
-    def wait_for(self, condition: Callable[[dict], bool]) -> dict:
-        """The first state that fulfils a condition."""
-        end = time.monotonic() + 20.0
-        while not condition(state := self.state()):
-            assert time.monotonic() < end, f"did not happen; the state is {state}"
-            time.sleep(0.01)
-        return state
-
-
-async def _echo(connection: websockets.ServerConnection) -> None:
-    async for message in connection:
-        await connection.send(message)
-
-
-class _Background:
-    """An event loop in a thread, with the echo server that stands in for Viser."""
-
-    def __init__(self) -> None:
-        self._loop = asyncio.new_event_loop()
-        self._thread = threading.Thread(target=self._loop.run_forever, daemon=True)
-        self._thread.start()
-        self._echo = asyncio.run_coroutine_threadsafe(self._start(), self._loop).result(10.0)
-        self.port: int = next(iter(self._echo.sockets)).getsockname()[1]
-
-    async def _start(self) -> websockets.Server:
-        return await websockets.serve(_echo, "127.0.0.1", 0, subprotocols=[SCENE_PROTOCOL], max_size=None)
-
-    async def _close(self) -> None:
-        self._echo.close()
-        await self._echo.wait_closed()
-
-    def stop(self) -> None:
-        asyncio.run_coroutine_threadsafe(self._close(), self._loop).result(10.0)
-        self._loop.call_soon_threadsafe(self._loop.stop)
-        self._thread.join(5.0)
-
-
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")
 def shared_server() -> Iterator[RunningServer]:
-    launch = ControlLaunch()
-    client = ControlClient(launch)
-    client.start()
-    scene = _Background()
-    operator = Operator(client, launch)
-    client.wait_ready()
-    server = uvicorn.Server(uvicorn_config(create_app(operator, viser_port=scene.port)))
-    with socket.create_server(("127.0.0.1", 0)) as listener:
-        port = listener.getsockname()[1]
-        thread = threading.Thread(target=server.run, kwargs={"sockets": [listener]}, daemon=True)
-        thread.start()
-        with httpx.Client(base_url=f"http://127.0.0.1:{port}", timeout=30.0) as http:
-            running = RunningServer(port, operator, http)
-            while not server.started:
-                time.sleep(0.01)
-            running.wait_for(lambda state: state.get("time_s", 0.0) > 0.0)
-            yield running
-        server.should_exit = True
-        thread.join(10.0)
-    scene.stop()
-    client.close()
+    with running_server() as running:
+        yield running
 
 
 @pytest.fixture

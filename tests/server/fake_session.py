@@ -1,23 +1,29 @@
-"""A session that does nothing but count, for tests of the loop and of the processes around it."""
+"""Sessions without a robot, for tests of the loop and of the processes around it."""
 
 import os
+import time
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
 from control.command.limits import DEFAULT_COMMAND
+from control.timing import TICK_S
 from sim.backends.protocol import BackendError
-from sim.backends.simulation.mujoco_backend import MujocoBackend
-from sim.runtime.session import SessionConfig
+from sim.runtime.robot_session import RobotSession
+from sim.runtime.session import SessionError
+from sim.runtime.simulation import Simulation, SimulationConfig
 from sim.runtime.snapshot import Mode, command_from_record
 
 
-class FakeSession:
-    """Ticks add 2 ms; scene "broken" makes the next tick fail; controller "suicide" ends the process."""
+class FakeSession(Simulation):
+    """A simulation that does nothing but count.
 
-    def __init__(self, config: SessionConfig | None = None) -> None:
-        self.config = config or SessionConfig()
+    Ticks add 2 ms. Scene "broken" makes them fail, "slow" makes them late; controller "suicide" ends the process.
+    """
+
+    def __init__(self, config: SimulationConfig | None = None) -> None:
+        self.config = config or SimulationConfig()
         self.time_s = 0.0
         self.ticks = 0
         self.ages_s: list[float] = []
@@ -25,7 +31,7 @@ class FakeSession:
         self.scene = self.config.scene
         self.latched = False
         self.pipeline = SimpleNamespace(controller_names=("model_based",), estimator_names=("adaptive",))
-        self.backend = SimpleNamespace(close=lambda: None, capabilities=MujocoBackend.capabilities)
+        self._backend = SimpleNamespace(close=lambda: None)
         self.command_sequence = 0
         self.command = DEFAULT_COMMAND
 
@@ -36,8 +42,10 @@ class FakeSession:
     def tick_setpoint(self, setpoint: np.void, age_s: float) -> None:
         if self.scene == "broken":
             raise BackendError("the simulation diverged; reset it")
+        if self.scene == "slow":
+            time.sleep(0.004)
         self.ticks += 1
-        self.time_s += 0.002
+        self.time_s += TICK_S
         self.ages_s = [*self.ages_s[-9:], age_s]
         self.command_sequence = int(setpoint["sequence"])
         self.command = command_from_record(setpoint["command"])
@@ -91,6 +99,18 @@ class FakeSession:
         raise KeyError(f"wrench {key} is not at work")
 
 
-def failing_session(config: SessionConfig) -> FakeSession:
+class FakeRobotSession(RobotSession):
+    """A robot that can be asked for nothing but a change of its drives' state."""
+
+    def __init__(self) -> None:
+        self.pipeline = SimpleNamespace(controller_names=("model_based",), estimator_names=("adaptive",))
+
+    def drive(self, request: str) -> int:
+        if request == "stand":
+            raise SessionError("the e-stop is latched")
+        return 7
+
+
+def failing_session(config: SimulationConfig) -> FakeSession:
     """Like a session whose robot cannot be reached."""
     raise BackendError("no robot answers; switch it on")

@@ -1,75 +1,17 @@
 """Origin, host and token rules, on the middleware alone."""
 
-import asyncio
-from dataclasses import dataclass
-from urllib.parse import urlencode
-
 import pytest
-from starlette.applications import Starlette
-from starlette.requests import Request
-from starlette.responses import PlainTextResponse
-from starlette.routing import Route, WebSocketRoute
-from starlette.types import Message
-from starlette.websockets import WebSocket
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from server.access import COOKIE, AccessControl
+from server.access import same_origin
 from server.config import ConfigError, ServerConfig
+from server.credentials import Credentials
+from tests.server.asgi_request import HOST, ask, guarded, send
 
-HOST = "127.0.0.1:8080"
 PAGE = f"http://{HOST}"
 TOKEN = "correct horse; battery"
-
-
-async def answer(_: Request) -> PlainTextResponse:
-    return PlainTextResponse("done")
-
-
-async def greet(socket: WebSocket) -> None:
-    await socket.accept()
-    await socket.close()
-
-
-@dataclass
-class Answer:
-    """Status (101 for a socket that opened), headers and body."""
-
-    status: int
-    headers: dict[str, str]
-    body: str
-
-
-def ask(
-    method: str = "GET",
-    headers: dict[str, str] | None = None,
-    *,
-    host: str = HOST,
-    query: dict[str, str] | None = None,
-    token: str | None = None,
-) -> Answer:
-    """Send one request through the middleware; method "SOCKET" opens a websocket."""
-    app = Starlette(routes=[Route("/", answer, methods=["GET", "POST", "PUT"]), WebSocketRoute("/", greet)])
-    raw = [(name.lower().encode(), value.encode()) for name, value in {"Host": host, **(headers or {})}.items()]
-    scope = {"path": "/", "headers": raw, "query_string": urlencode(query or {}).encode(), "app": app}
-    if method == "SOCKET":
-        scope |= {"type": "websocket", "subprotocols": [], "extensions": {"websocket.http.response": {}}}
-        incoming = [{"type": "websocket.connect"}]
-    else:
-        scope |= {"type": "http", "method": method}
-        incoming = [{"type": "http.request", "body": b""}]
-    sent: list[Message] = []
-
-    async def receive() -> Message:
-        return incoming.pop(0)
-
-    async def send(message: Message) -> None:
-        sent.append(message)
-
-    asyncio.run(AccessControl(app, token)(scope, receive, send))
-    first = sent[0]
-    if first["type"] == "websocket.accept":
-        return Answer(101, {}, "")
-    sent_headers = {name.decode(): value.decode() for name, value in first["headers"]}
-    return Answer(first["status"], sent_headers, sent[1]["body"].decode())
+COOKIE = Credentials(TOKEN).cookie_name
 
 
 @pytest.mark.parametrize(
@@ -129,10 +71,10 @@ def test_a_token_is_required_of_every_request(headers: dict[str, str], params: d
     assert ask("SOCKET", headers, query=params, token=TOKEN).status == (101 if status == 200 else status)
 
 
-def test_a_page_load_with_the_token_leaves_a_cookie_that_opens_sockets() -> None:
+def test_any_call_with_the_token_leaves_a_cookie_that_opens_sockets() -> None:
     cookie = ask(query={"token": TOKEN}, token=TOKEN).headers["set-cookie"]
     pair, *attributes = cookie.split("; ")
-    assert {"HttpOnly", "SameSite=Strict"} <= set(attributes)
+    assert {"HttpOnly", "SameSite=Strict", "Path=/"} <= set(attributes)
     assert ask("SOCKET", {"Cookie": pair}, token=TOKEN).status == 101
     assert ask("SOCKET", token=TOKEN).status == 401
 
@@ -157,3 +99,67 @@ def test_loopback_needs_none(host: str) -> None:
 def test_a_token_that_can_be_guessed_is_refused() -> None:
     with pytest.raises(ConfigError, match="too short"):
         ServerConfig(token="1234")
+
+
+ODD_URLS = [
+    b"http://[",
+    b"http://]",
+    b"//[::1",
+    b"http://[::1]x:1",
+    b"http://\xe2\x84\xa8",
+    b"[",
+    b"\x00",
+    b"null",
+    b"http://a@b:c",
+]
+odd_bytes = st.binary(max_size=40) | st.sampled_from(ODD_URLS)
+cookie_bytes = st.builds(lambda name, value: name + b"=" + value, st.sampled_from([COOKIE.encode(), b"a[b]", b""]), odd_bytes)
+authorization_bytes = st.builds(lambda scheme, rest: scheme + b" " + rest, st.sampled_from([b"Bearer", b"Basic"]), odd_bytes)
+header = st.one_of(
+    st.tuples(st.sampled_from([b"host", b"origin", b"cookie", b"authorization", b"accept"]), odd_bytes),
+    st.tuples(st.just(b"cookie"), cookie_bytes),
+    st.tuples(st.just(b"authorization"), authorization_bytes),
+    st.tuples(st.just(b"accept"), st.just(b"text/html")),
+    st.tuples(st.just(b"host"), st.just(HOST.encode())),
+)
+headers = st.lists(header, max_size=5)
+query_bytes = st.binary(max_size=40) | st.builds(lambda value: b"token=" + value, odd_bytes)
+
+
+@settings(max_examples=300, deadline=None)
+@given(
+    method=st.sampled_from(["GET", "POST", "SOCKET"]),
+    path=st.text(max_size=8),
+    query=query_bytes,
+    headers=headers,
+    token=st.sampled_from([None, TOKEN]),
+)
+def test_whatever_bytes_a_stranger_sends_the_answer_is_a_refusal(
+    method: str, path: str, query: bytes, headers: list[tuple[bytes, bytes]], token: str | None
+) -> None:
+    status = send(guarded(token), method, path, query, headers).status
+    assert status < 500
+    assert token is None or status >= 400
+    origins = [value.decode("latin-1") for name, value in headers if name == b"origin"]
+    if method != "GET" and any(not same_origin(origin, HOST) for origin in origins):
+        assert status == 403
+
+
+@settings(max_examples=300, deadline=None)
+@given(method=st.sampled_from(["GET", "POST", "SOCKET"]), path=st.text(max_size=8), query=query_bytes, headers=headers)
+def test_nor_does_the_operator_make_it_fail(method: str, path: str, query: bytes, headers: list[tuple[bytes, bytes]]) -> None:
+    cookie = f"{COOKIE}={Credentials(TOKEN).cookie_value}"
+    assert send(guarded(TOKEN), method, path, query, [*headers, (b"cookie", cookie.encode())]).status < 500
+
+
+@pytest.mark.parametrize("origin", [url.decode("latin-1") for url in ODD_URLS])
+@pytest.mark.parametrize("method", ["POST", "SOCKET"])
+def test_an_origin_that_is_no_address_is_foreign(method: str, origin: str) -> None:
+    headers = [(b"host", HOST.encode()), (b"origin", origin.encode("latin-1"))]
+    assert send(guarded(None), method, "/", b"", headers).status == 403
+    assert send(guarded(TOKEN), method, "/", b"", headers).status == 403
+
+
+def test_one_foreign_origin_among_several_is_enough() -> None:
+    headers = [(b"host", HOST.encode()), (b"origin", PAGE.encode()), (b"origin", b"https://evil.example")]
+    assert send(guarded(None), "POST", "/", b"", headers).status == 403

@@ -65,6 +65,23 @@ def test_it_prints_its_address_serves_and_takes_its_processes_along() -> None:
         process.kill()
 
 
+def test_the_token_of_a_file_opens_the_printed_address_and_shows_nowhere_else(tmp_path: Path) -> None:
+    token = "ab+cd/ef=="
+    file = tmp_path / "token"
+    file.write_text(token + "\n")
+    process = start("--port", "0", "--token-file", str(file))
+    try:
+        assert process.stdout is not None
+        address = process.stdout.readline().split()[-1]
+        assert httpx.get(address.partition("?")[0], timeout=60.0).status_code == 401
+        assert httpx.get(address, timeout=60.0).status_code == 200
+        processes = [process.pid, *children(process.pid)]
+        assert not [pid for pid in processes if token.encode() in Path(f"/proc/{pid}/cmdline").read_bytes()]
+    finally:
+        process.kill()
+        process.communicate()
+
+
 def test_a_port_in_use_is_said_plainly(occupied: int) -> None:
     _, errors = start("--port", str(occupied)).communicate(timeout=60.0)
     assert f"port {occupied}" in errors
@@ -77,6 +94,8 @@ def test_a_port_in_use_is_said_plainly(occupied: int) -> None:
     [
         (("--host", "0.0.0.0"), "--token"),
         (("--scene", "moon"), "moon"),
+        (("--token", ""), "too short"),
+        (("--token-file", "/nowhere/token"), "/nowhere/token"),
     ],
 )
 def test_a_start_that_cannot_work_ends_with_one_line_that_says_why(arguments: tuple[str, ...], said: str) -> None:

@@ -8,15 +8,18 @@ from typing import Any
 
 import numpy as np
 import pytest
-from fake_session import FakeSession
 
 from control.command.limits import DEFAULT_COMMAND
-from server.control_loop import PUBLISH_EVERY, ControlLoop
+from control.timing import CONTROL_PERIOD_S, SLOT_COUNT, TICK_S, Job, slots
+from server import estop_lane
+from server.control_loop import ControlLoop
+from server.estop_lane import EstopLane
 from server.messages import Close, Event, Outcome, Reply
 from server.pacing import Pacer
 from sim.processes import shared_record
 from sim.processes.shared_record import SharedRecord
 from sim.runtime.snapshot import SETPOINT, SNAPSHOT, Mode
+from tests.server.fake_session import FakeSession
 
 CONTEXT = multiprocessing.get_context("spawn")
 
@@ -28,14 +31,17 @@ class Bench:
         self.session = FakeSession()
         self.state = state or SharedRecord(shared_record.allocate(CONTEXT, SNAPSHOT), SNAPSHOT)
         self.setpoints = SharedRecord(shared_record.allocate(CONTEXT, SETPOINT), SETPOINT)
+        self.estops = EstopLane(estop_lane.allocate(CONTEXT))
         self.pipe, theirs = CONTEXT.Pipe()
         self.theirs: Connection = theirs
+        self.pacer = Pacer(TICK_S, lambda: 0.0, lambda _: None)
         self.loop = ControlLoop(
-            self.session,  # pyright: ignore[reportArgumentType]
+            self.session,
             self.state,
             self.setpoints,
+            self.estops,
             theirs,
-            Pacer(0.002, lambda: 0.0, lambda _: None),
+            self.pacer,
             paused=paused,
             realtime=False,
         )
@@ -84,9 +90,9 @@ def test_a_hold_makes_the_one_tick_that_gives_it_something_to_show(paused: Bench
 
 def test_running_publishes_at_a_fixed_fraction_of_the_ticks(bench: Bench) -> None:
     before = int(bench.snapshot["sequence"])
-    bench.turn(10 * PUBLISH_EVERY)
-    assert int(bench.snapshot["sequence"]) - before == 10
-    assert bench.session.ticks == 1 + 10 * PUBLISH_EVERY
+    bench.turn(10 * SLOT_COUNT)
+    assert int(bench.snapshot["sequence"]) - before == 10 * len(slots(Job.SNAPSHOT))
+    assert bench.session.ticks == 1 + 10 * SLOT_COUNT
 
 
 def test_pause_stops_time_and_run_goes_on(bench: Bench) -> None:
@@ -128,29 +134,101 @@ def test_a_second_step_is_refused_while_one_is_under_way(paused: Bench) -> None:
     assert reply.outcome is Outcome.REFUSED
 
 
-def test_running_ends_a_step(paused: Bench) -> None:
+@pytest.mark.parametrize(
+    ("event", "arguments", "said"),
+    [
+        ("run", {"state": "running", "speed": None}, "set running"),
+        ("run", {"state": "paused", "speed": None}, "set paused"),
+        ("reset", {}, "reset"),
+        ("set_scene", {"name": "box"}, "set_scene"),
+    ],
+)
+def test_what_comes_between_ends_a_step(paused: Bench, event: str, arguments: dict[str, Any], said: str) -> None:
     paused.send("step", event_id=5, ticks=100)
     paused.turn()
-    paused.send("run", event_id=6, state="running", speed=None)
+    paused.send(event, event_id=6, **arguments)
     paused.turn()
     replies = {reply.id: reply for reply in (paused.reply(), paused.reply())}
-    assert replies[5].outcome is Outcome.REFUSED
+    assert replies[5].outcome is Outcome.REFUSED and said in replies[5].value
     assert replies[6].outcome is Outcome.DONE
+    assert paused.ask("run", state="paused", speed=None).outcome is Outcome.DONE
+    ticks = paused.session.ticks
+    paused.turn(10)
+    assert paused.session.ticks == ticks
+    assert paused.ask("step", ticks=1).outcome is Outcome.DONE
 
 
-def test_the_estop_overtakes_whatever_waits_and_answers_what_is_reported(paused: Bench) -> None:
+def test_the_estop_ends_a_step(paused: Bench) -> None:
+    paused.send("step", ticks=100)
+    paused.turn()
+    ticks = paused.session.ticks
+    paused.estops.ask()
+    paused.turn(10)
+    reply = paused.reply()
+    assert reply.outcome is Outcome.REFUSED and "e-stop" in reply.value
+    assert paused.session.ticks == ticks
+
+
+def test_steps_are_made_at_the_robots_own_pace_whatever_the_speed(paused: Bench) -> None:
+    assert paused.ask("run", state="paused", speed=0.1).value == {"state": "paused", "speed": 0.1}
+    paused.send("step", ticks=3)
+    paused.turn()
+    assert paused.pacer.period_s == 0.002
+    paused.turn(2)
+    assert paused.reply().outcome is Outcome.DONE
+    paused.ask("run", state="running", speed=None)
+    assert paused.pacer.period_s == 0.02
+
+
+def clear_estop(bench: Bench) -> Reply:
+    return bench.ask("clear_estop", estops=bench.estops.asked)
+
+
+def test_the_estop_overtakes_whatever_waits_and_is_confirmed_by_what_is_published(paused: Bench) -> None:
     paused.send("reset", event_id=1, seed=None, keyframe="stand")
-    paused.send("estop", event_id=2)
+    number = paused.estops.ask()
+    assert not paused.estops.taken(number)
     paused.turn()
     assert [call[0] for call in paused.session.calls if call[0] != "track_errors"] == ["estop", "reset"]
-    first = paused.reply()
-    assert first == Reply(2, Outcome.DONE, {"latched": True, "mode": "estop"})
+    assert paused.estops.taken(number)
     assert paused.snapshot["mode"] == Mode.ESTOP
 
 
+def test_the_estop_has_its_turn_between_two_slow_events(paused: Bench) -> None:
+    for number in range(3):
+        paused.send("reset", event_id=number, seed=None, keyframe="stand")
+    paused.turn()
+    paused.estops.ask()
+    paused.turn(2)
+    assert [call[0] for call in paused.session.calls if call[0] != "track_errors"] == ["reset", "estop", "reset", "reset"]
+
+
 def test_clearing_the_estop_in_a_hold_answers_the_hold(paused: Bench) -> None:
-    paused.ask("estop")
-    assert paused.ask("clear_estop").value == {"latched": False, "mode": "paused"}
+    paused.estops.ask()
+    paused.turn()
+    assert clear_estop(paused).value == {"latched": False, "mode": "paused"}
+
+
+def test_only_what_was_pressed_before_is_cleared(paused: Bench) -> None:
+    paused.send("clear_estop", estops=paused.estops.asked)
+    paused.estops.ask()
+    paused.turn()
+    reply = paused.reply()
+    assert reply.outcome is Outcome.REFUSED and "again" in reply.value
+    assert paused.snapshot["mode"] == Mode.ESTOP
+
+
+def test_a_web_process_that_reads_no_answers_does_not_hold_the_loop(bench: Bench) -> None:
+    calls, before = 4000, bench.session.ticks
+    for number in range(calls):
+        bench.send("select_estimator", event_id=number, name="x" * 500)
+        bench.turn()
+    assert bench.session.ticks == before + calls
+    answered = 0
+    while bench.pipe.poll(0.0) or answered < calls:
+        assert bench.reply().id == answered
+        answered += 1
+        bench.turn()
 
 
 def test_whoever_has_a_reply_also_sees_its_effect(bench: Bench) -> None:
@@ -215,7 +293,7 @@ def test_snapshot_numbers_go_on_after_a_restart(bench: Bench) -> None:
 def test_live_errors_are_tracked_at_50_hz(bench: Bench) -> None:
     bench.session.calls.clear()
     bench.turn(100)
-    assert [call for call in bench.session.calls if call[0] == "track_errors"] == [("track_errors", 0.02)] * 10
+    assert [call for call in bench.session.calls if call[0] == "track_errors"] == [("track_errors", CONTROL_PERIOD_S)] * 10
 
 
 def close_politely(bench: Bench) -> None:

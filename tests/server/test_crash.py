@@ -4,7 +4,8 @@ import os
 import signal
 
 import pytest
-from conftest import RunningServer
+
+from tests.server.running_server import RunningServer
 
 
 @pytest.fixture
@@ -27,7 +28,6 @@ def test_kill_shows_and_restart_holds(crashed: RunningServer) -> None:
     assert state["loop"]["rate_hz"] == 0.0
 
     for method, path, body in (
-        ("POST", "estop", None),
         ("POST", "run", {"state": "running"}),
         ("PATCH", "command", {"guidance": True}),
         ("PUT", "scene", {"name": "free"}),
@@ -39,7 +39,7 @@ def test_kill_shows_and_restart_holds(crashed: RunningServer) -> None:
 
     assert server.http.post("/api/v1/control/restart").status_code == 200
     held = server.wait_for(lambda state: state["mode"] == "paused")
-    assert held["faults"] == []
+    assert "CONTROL_PROCESS_DEAD" not in held["faults"]
     assert held["command"]["base_velocity"] == [0.0, 0.0, 0.0]
     assert server.http.get("/api/v1/health").status_code == 200
 
@@ -47,4 +47,13 @@ def test_kill_shows_and_restart_holds(crashed: RunningServer) -> None:
 def test_a_latched_estop_outlives_the_process(server: RunningServer) -> None:
     server.http.post("/api/v1/estop").raise_for_status()
     assert server.http.post("/api/v1/control/restart", json={"force": True}).status_code == 200
-    server.wait_for(lambda state: state["mode"] == "estop" and state["faults"] == [])
+    server.wait_for(lambda state: state["mode"] == "estop" and "CONTROL_PROCESS_DEAD" not in state["faults"])
+
+
+def test_an_estop_while_nothing_runs_is_latched_by_the_next_process(crashed: RunningServer) -> None:
+    server = crashed
+    assert server.http.post("/api/v1/estop").json() == {"latched": True, "mode": "fault"}
+    assert server.http.post("/api/v1/estop/clear").status_code == 503
+    server.http.post("/api/v1/control/restart").raise_for_status()
+    server.wait_for(lambda state: state["mode"] == "estop")
+    assert server.http.patch("/api/v1/command", json={"guidance": True}).status_code == 409

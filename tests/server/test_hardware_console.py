@@ -5,22 +5,19 @@ Runs in real time, so nothing is asserted about durations; `python -m sim.benchm
 
 import os
 import signal
-import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import Any
 
 import httpx
 import pytest
 
-pytest.importorskip("cyclonedds", reason="extra 'hardware' is not installed")
-
 from sim.emulator.process import EmulatorProcess
+from tests.console_process import ConsoleProcess
+from tests.dds_domain import dds_domain
+from tests.server.contract import check_answer
 
-ROOT = Path(__file__).resolve().parents[2]
-DOMAIN = 1 + os.getpid() % 90
+pytestmark = [pytest.mark.hardware, pytest.mark.realtime]
 PATIENCE_S = 40.0
 
 
@@ -31,19 +28,12 @@ def eventually(condition: Callable[[], Any], what: str) -> None:
         time.sleep(0.02)
 
 
-class Console:
-    """`python -m server`, and its REST interface."""
+class Console(ConsoleProcess):
+    """A console, and its REST interface."""
 
     def __init__(self, *arguments: str) -> None:
-        self.process = subprocess.Popen(
-            [sys.executable, "-m", "server", "--no-browser", "--port", "0", *arguments],
-            cwd=ROOT,
-            stdout=subprocess.PIPE,
-            text=True,
-        )
-        assert self.process.stdout is not None
-        address = next(line.split()[-1] for line in self.process.stdout if line.startswith("Forcelens is at"))
-        self.http = httpx.Client(base_url=f"{address}api/v1/", timeout=60.0)
+        super().__init__(*arguments)
+        self.http = httpx.Client(base_url=f"{self.address}/api/v1/", timeout=60.0, event_hooks={"response": [check_answer]})
 
     def call(self, method: str, path: str, body: dict[str, Any] | None = None) -> Any:
         response = self.http.request(method, path, json=body)
@@ -67,21 +57,17 @@ class Console:
 
         eventually(asked, f"{request} leads to {goal}")
 
-    def control_pid(self) -> int:
-        threads = Path(f"/proc/{self.process.pid}/task").iterdir()  # any of them may have started it
-        children = [pid for thread in threads for pid in (thread / "children").read_text().split()]
-        return next(int(pid) for pid in children if "spawn_main" in Path(f"/proc/{pid}/cmdline").read_text())
-
     def close(self) -> None:
-        self.process.kill()
-        self.process.communicate()
+        self.http.close()
+        super().close()
 
 
 @pytest.fixture
 def robot() -> Iterator[EmulatorProcess]:
-    robot = EmulatorProcess(DOMAIN)
-    yield robot
-    robot.close()
+    with dds_domain() as domain:
+        robot = EmulatorProcess(domain)
+        yield robot
+        robot.close()
 
 
 @pytest.fixture

@@ -2,9 +2,8 @@
 
 import pytest
 
-from server.pacing import STATISTICS_EVERY, Pacer
-
-PERIOD_S = 0.002
+from control.timing import TICK_S
+from server.pacing import LATENESS_WINDOW, STATISTICS_EVERY, Pacer
 
 
 class Clock:
@@ -32,14 +31,14 @@ def clock() -> Clock:
 
 @pytest.fixture
 def pacer(clock: Clock) -> Pacer:
-    return Pacer(PERIOD_S, clock, clock.sleep)
+    return Pacer(TICK_S, clock, clock.sleep)
 
 
 def run_ticks(pacer: Pacer, clock: Clock, count: int, work_s: float, simulated_s: float = 0.0) -> float:
     for _ in range(count):
         pacer.wait()
         clock.advance(work_s)
-        simulated_s += PERIOD_S
+        simulated_s += TICK_S
         pacer.finish(simulated_s)
     return simulated_s
 
@@ -48,7 +47,7 @@ def test_ticks_start_one_period_apart_whatever_the_work_takes(pacer: Pacer, cloc
     start = clock.now_s
     for index, work in enumerate([0.0005, 0.0015, 0.0001, 0.0019]):
         pacer.wait()
-        assert clock.now_s == pytest.approx(start + index * PERIOD_S)
+        assert clock.now_s == pytest.approx(start + index * TICK_S)
         clock.advance(work)
         pacer.finish(0.0)
     assert pacer.statistics().overruns == 0
@@ -59,9 +58,18 @@ def test_a_missed_deadline_is_one_overrun_and_the_schedule_stays(pacer: Pacer, c
     run_ticks(pacer, clock, 1, 0.003)
     run_ticks(pacer, clock, 3, 0.0005)
     pacer.wait()
-    assert clock.now_s == pytest.approx(start + 4 * PERIOD_S)
+    assert clock.now_s == pytest.approx(start + 4 * TICK_S)
     assert pacer.statistics().overruns == 1
     assert pacer.statistics().rebases == 0
+
+
+def test_the_share_of_overruns_is_that_of_the_window(pacer: Pacer, clock: Clock) -> None:
+    for _ in range(STATISTICS_EVERY // 10):
+        run_ticks(pacer, clock, 1, 0.0025)
+        run_ticks(pacer, clock, 9, 0.0005)
+    assert pacer.statistics().overrun_share == pytest.approx(0.1)
+    run_ticks(pacer, clock, LATENESS_WINDOW, 0.0005)
+    assert pacer.statistics().overrun_share == 0.0
 
 
 def test_falling_far_behind_drops_the_lost_time_and_says_so(pacer: Pacer, clock: Clock) -> None:
@@ -69,7 +77,7 @@ def test_falling_far_behind_drops_the_lost_time_and_says_so(pacer: Pacer, clock:
     resumed = clock.now_s
     run_ticks(pacer, clock, 3, 0.0005)
     pacer.wait()
-    assert clock.now_s == pytest.approx(resumed + 3 * PERIOD_S)
+    assert clock.now_s == pytest.approx(resumed + 3 * TICK_S)
     assert pacer.statistics().rebases == 1
 
 
@@ -102,7 +110,7 @@ def test_lateness_and_duration_are_quantiles_of_a_window(pacer: Pacer, clock: Cl
 
 @pytest.mark.parametrize("speed", [0.1, 1.0, 4.0])
 def test_real_time_factor_is_the_speed_when_deadlines_hold(clock: Clock, speed: float) -> None:
-    pacer = Pacer(PERIOD_S / speed, clock, clock.sleep)
+    pacer = Pacer(TICK_S / speed, clock, clock.sleep)
     run_ticks(pacer, clock, 1000, 0.0002)
     statistics = pacer.statistics()
     assert statistics.real_time_factor == pytest.approx(speed)

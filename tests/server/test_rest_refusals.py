@@ -3,7 +3,8 @@
 from typing import Any
 
 import pytest
-from conftest import RunningServer
+
+from tests.server.running_server import RunningServer
 
 WRENCH = {"force_n": [1, 0, 0], "frame": "world", "duration_s": 1.0}
 

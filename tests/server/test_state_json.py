@@ -6,8 +6,11 @@ import numpy as np
 import pytest
 
 from control.safety import Fault
+from server.answers.state import StateAnswer
+from server.silence import CONTROL_PROCESS_DEAD, CONTROL_PROCESS_SILENT, Silence
 from server.state import SECTIONS, encode, estimator_errors, state_json
 from sim.runtime.snapshot import SNAPSHOT, Mode
+from tests.server.contract import check_fit
 
 
 @pytest.fixture
@@ -47,18 +50,38 @@ def test_faults_are_named(on_hardware: np.void) -> None:
     assert set(state_json(on_hardware)["faults"]) == {"TILT", "STALE_SETPOINT"}
 
 
+@pytest.mark.parametrize(("share", "named"), [(0.0, False), (0.04, False), (0.09, True)])
+def test_a_loop_that_does_not_keep_its_rate_is_a_fault(on_hardware: np.void, share: float, named: bool) -> None:
+    on_hardware["overrun_share"] = share
+    assert ("LOOP_OVERRUNS" in state_json(on_hardware)["faults"]) is named
+    assert state_json(on_hardware)["loop"]["overrun_share"] == share
+
+
 @pytest.mark.parametrize("mode", list(Mode))
 def test_modes_are_named(on_hardware: np.void, mode: Mode) -> None:
     on_hardware["mode"] = mode
     assert state_json(on_hardware)["mode"] == mode.name.lower()
+    check_fit(StateAnswer, encode(state_json(on_hardware)).decode())
 
 
-def test_a_dead_process_is_a_fault_whatever_its_last_snapshot_says(on_hardware: np.void) -> None:
+@pytest.mark.parametrize("fault", [CONTROL_PROCESS_DEAD, CONTROL_PROCESS_SILENT])
+def test_a_process_that_is_dead_or_hangs_is_a_fault_whatever_its_last_snapshot_says(on_hardware: np.void, fault: str) -> None:
     on_hardware["loop_rate_hz"] = 500.0
-    state = state_json(on_hardware, alive=False)
+    state = state_json(on_hardware, silence=Silence(2.5, fault))
     assert state["mode"] == "fault"
-    assert state["faults"][-1] == "CONTROL_PROCESS_DEAD"
+    assert state["stale_s"] == 2.5
+    assert state["faults"][-1] == fault
     assert state["loop"]["rate_hz"] == 0.0
+
+
+@pytest.mark.parametrize("unknown", [np.nan, np.inf])
+def test_whatever_cannot_be_measured_or_estimated_is_null_by_the_schema(on_hardware: np.void, unknown: float) -> None:
+    signals = ("base_", "joint_", "end_effector_", "force_", "wheel_force_", "mass_scale_")
+    for name in SNAPSHOT.names or ():
+        if name.startswith(signals):
+            on_hardware[name] = unknown
+    on_hardware["backend"] = "hardware"
+    check_fit(StateAnswer, encode(state_json(on_hardware)).decode())
 
 
 def test_whatever_is_not_finite_is_no_json(on_hardware: np.void) -> None:

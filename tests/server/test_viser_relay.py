@@ -4,10 +4,11 @@ import os
 
 import msgspec
 import pytest
-from conftest import SCENE_PROTOCOL, RunningServer
 from websockets import Subprotocol
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
+
+from tests.server.running_server import SCENE_PROTOCOL, RunningServer
 
 
 def test_text_and_bytes_go_through_unchanged_and_the_subprotocol_is_echoed(server: RunningServer) -> None:

@@ -6,8 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from control.learning.rollout_data import PERIOD_S, SPLITS, column_sizes, load_split
+from control.learning.rollout_data import SPLITS, column_sizes, load_split
 from control.robot_model import RobotModel
+from control.timing import CONTROL_PERIOD_S, TICK_S
 from sim.collect_dataset import CollectionError, collect
 from sim.processes.executors import ExecutorError, map_unordered
 from sim.trials.rollout_plans import RolloutPlan, plan_rollouts
@@ -30,13 +31,13 @@ LINKS = ("base", "arm_link1")
 @pytest.mark.parametrize("profile", ["hold", "sine", "slow"])
 def test_profiles_start_at_zero_and_stay_within_their_limits(profile: str) -> None:
     for seed in range(5):
-        force = sampled_force(profile, np.random.default_rng(seed), 20.0, 0.002)
+        force = sampled_force(profile, np.random.default_rng(seed), 20.0, TICK_S)
         assert force.shape == (10_000, 3)
         np.testing.assert_allclose(force[0], 0.0, atol=1e-12)
         assert np.linalg.norm(force, axis=1).max() <= FORCE_LIMIT_N + 1e-9
         assert np.hypot(force[:, 0], force[:, 1]).max() <= HORIZONTAL_LIMIT_N + 1e-9
         # No jump: a step is bounded by the slope of the fastest ramp (peak 1.875 times its mean).
-        assert np.abs(np.diff(force, axis=0)).max() <= 1.875 * 2.0 * FORCE_LIMIT_N / 0.3 * 0.002 * 1.1
+        assert np.abs(np.diff(force, axis=0)).max() <= 1.875 * 2.0 * FORCE_LIMIT_N / 0.3 * TICK_S * 1.1
 
 
 def test_slow_is_slower_than_sine_and_every_profile_pushes() -> None:
@@ -51,7 +52,7 @@ def test_slow_is_slower_than_sine_and_every_profile_pushes() -> None:
 
 def test_unknown_profiles_are_refused() -> None:
     with pytest.raises(ValueError, match="storm"):
-        sampled_force("storm", np.random.default_rng(0), 1.0, 0.002)
+        sampled_force("storm", np.random.default_rng(0), 1.0, TICK_S)
 
 
 def test_rms_figures_match_a_closed_form() -> None:
@@ -64,7 +65,7 @@ def test_rms_figures_match_a_closed_form() -> None:
 def test_random_motion_is_reproducible_and_moves_base_and_hand() -> None:
     first, second = (RandomMotion(MotionConfig(), np.random.default_rng(1)) for _ in range(2))
     positions, velocities = set(), set()
-    for time in np.arange(0.0, 20.0, 0.02):
+    for time in np.arange(0.0, 20.0, CONTROL_PERIOD_S):
         a, b = first.step(time), second.step(time)
         np.testing.assert_array_equal(a.position_m, b.position_m)
         assert not a.mask.any()
@@ -101,12 +102,13 @@ def test_held_out_plans_cover_every_cell_and_training_is_randomised() -> None:
         plan_rollouts(seed=0, count=2, links=LINKS, duration_s=1.0)
 
 
+@pytest.mark.slow
 def test_a_rollout_repeats_exactly_and_records_what_acts() -> None:
     plan = RolloutPlan(0, "train", seed=11, profile="hold", mass_scale=1.2, duration_s=1.4)
     first, second = record_rollout(plan), record_rollout(plan)
     assert set(first.arrays) == set(column_sizes())
     for name, array in first.arrays.items():
-        assert len(array) == round(1.4 / PERIOD_S)
+        assert len(array) == round(1.4 / CONTROL_PERIOD_S)
         np.testing.assert_array_equal(array, second.arrays[name])
     force = first.arrays["force_true_n"]
     assert np.abs(force[:20]).max() < 1e-6 and np.abs(force[-1]).max() > 1.0
@@ -129,6 +131,7 @@ def test_a_rollout_that_falls_is_tried_again_and_reported(monkeypatch: pytest.Mo
     assert not recording.arrays and manifest_entry(recording, "")["rejected"] == ["fall"] * ATTEMPTS
 
 
+@pytest.mark.slow
 def test_collection_resumes_and_refuses_another_data_set(tmp_path: Path) -> None:
     manifest = collect(tmp_path, seed=1, rollouts=3, duration_s=0.3)
     assert manifest["counts"] == dict.fromkeys(SPLITS, 1)
@@ -154,6 +157,7 @@ def test_without_ray_the_cure_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
         map_unordered("abacus", abs, [-1], 1)
 
 
+@pytest.mark.slow
 def test_one_split_is_recorded_as_it_is_among_all(tmp_path: Path) -> None:
     whole = collect(tmp_path / "whole", seed=4, rollouts=3, duration_s=0.2)
     part = collect(tmp_path / "part", seed=4, rollouts=3, duration_s=0.2, splits=("validation",))

@@ -5,11 +5,11 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 import viser
-from recording_sink import RecordingSink
 
 from control.command.limits import DEFAULT_COMMAND
 from control.joints import NOMINAL_BASE_HEIGHT_M, NOMINAL_POSITION
 from sim.runtime.snapshot import SNAPSHOT, command_to_record
+from tests.web.recording_sink import RecordingSink
 
 
 @pytest.fixture
@@ -40,7 +40,7 @@ def snapshot() -> np.void:
     return record
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def server() -> Iterator[viser.ViserServer]:
     viser_server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
     yield viser_server

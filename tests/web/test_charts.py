@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import viser
 
+from control.timing import TICK_S
 from web.charts import SAMPLE_PERIOD_S, WINDOW_S, ForceCharts, ForceHistory
 from web.theme import SHOWN_SIGMAS
 
@@ -32,7 +33,7 @@ def test_it_spans_the_window_and_ends_now(history: ForceHistory, snapshot: np.vo
 
 
 def test_it_samples_no_faster_than_its_period(history: ForceHistory, snapshot: np.void) -> None:
-    taken = feed(history, snapshot, np.arange(0.0, 2.0, 0.002))
+    taken = feed(history, snapshot, np.arange(0.0, 2.0, TICK_S))
     assert taken <= 2.0 / SAMPLE_PERIOD_S + 1
 
 

@@ -1,15 +1,15 @@
 """The console as a whole: it draws every kind of snapshot, and a broken one does not end it."""
 
+import asyncio
 import threading
 from collections.abc import Iterator
 
 import numpy as np
 import pytest
-import websockets.sync.client
-from recording_sink import RecordingSink
 from viser import __version__ as viser_version
 
 from sim.runtime.snapshot import Mode
+from tests.web.recording_sink import RecordingSink
 from web.console import Console
 
 
@@ -20,12 +20,12 @@ def console(sink: RecordingSink, snapshot: np.void) -> Iterator[Console]:
     console.stop()
 
 
-def test_it_listens_on_loopback_only_and_says_where(console: Console) -> None:
-    assert console.port > 0
-    with websockets.sync.client.connect(
-        f"ws://127.0.0.1:{console.port}", subprotocols=[websockets.Subprotocol(f"viser-v{viser_version}")], max_size=None
-    ) as connection:
-        assert connection.recv(timeout=10.0)
+def test_its_door_leads_to_the_scene(console: Console) -> None:
+    async def look() -> str | bytes:
+        async with console.door.connect([f"viser-v{viser_version}"]) as visitor:
+            return await visitor.receive()
+
+    assert asyncio.run(asyncio.wait_for(look(), 20.0))
 
 
 @pytest.mark.parametrize("mode", list(Mode))

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 import viser
-from recording_sink import RecordingSink
 
+from tests.web.recording_sink import RecordingSink
 from web.command_panel import reachable
 from web.drag import GrabHandle, TargetGizmo
 

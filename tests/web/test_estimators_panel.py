@@ -2,9 +2,9 @@
 
 import numpy as np
 import viser
-from recording_sink import RecordingSink
 
 from sim.runtime.snapshot import MAX_ESTIMATORS
+from tests.web.recording_sink import RecordingSink
 from web import theme
 from web.estimators_panel import UNAVAILABLE, EstimatorsPanel, estimators_html, legend_html
 

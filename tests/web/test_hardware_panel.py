@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import viser
-from recording_sink import RecordingSink
 
 from control.joints import JOINT_NAMES
 from sim.backends.hardware.records import IO_STATE
 from sim.backends.hardware.states import REQUEST_NAMES, DriveState, Trip
 from sim.backends.hardware.status import HardwareStatus, status_from_record
 from sim.runtime.snapshot import Mode
+from tests.web.recording_sink import RecordingSink
 from web.alert import alert_text
 from web.hardware_panel import REQUESTS, HardwarePanel, backends_html, status_html
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 import viser
-from recording_sink import RecordingSink
 
 from control.safety import Fault
 from sim.runtime.snapshot import Mode
+from tests.web.recording_sink import RecordingSink
 from web.alert import alert_text
 from web.command_panel import CommandPanel, reachable
 from web.setup_panel import SetupPanel

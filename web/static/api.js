@@ -2,23 +2,30 @@
 
 const ROOT = new URL("api/v1/", document.baseURI);
 
-/** The API refused or could not be reached; `message` is fit for the operator. */
-export class ApiError extends Error {}
+/** The API refused, with `status`, or could not be reached; `message` is fit for the operator. */
+export class ApiError extends Error {
+  constructor(message, status) {
+    super(message);
+    this.status = status;
+  }
+}
 
-/** Call `method path` with a JSON body; returns the answer's JSON. Throws ApiError. */
-export async function call(method, path, body) {
+/** Call `method path` with a JSON body; returns the answer's JSON. Throws ApiError, with `timeoutMs` also when none comes. */
+export async function call(method, path, body, timeoutMs) {
   let response;
   try {
     response = await fetch(new URL(path, ROOT), {
       method,
       headers: body === undefined ? {} : { "Content-Type": "application/json" },
       body: body === undefined ? undefined : JSON.stringify(body),
+      signal: timeoutMs === undefined ? undefined : AbortSignal.timeout(timeoutMs),
     });
   } catch {
     throw new ApiError("The server does not answer. Is it still running?");
   }
   const answer = await response.json().catch(() => null);
-  if (!response.ok) throw new ApiError(reason(answer) ?? `${method} ${path} failed with status ${response.status}.`);
+  if (!response.ok)
+    throw new ApiError(reason(answer) ?? `${method} ${path} failed with status ${response.status}.`, response.status);
   return answer;
 }
 

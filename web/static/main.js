@@ -1,8 +1,9 @@
 /** The page around the scene: follows the state, and sends what its buttons and keys ask for. */
 
-import { call, followState } from "./api.js";
+import { call } from "./api.js";
 import { hideBanner, showBanner } from "./banners.js";
 import { showEstop, stop } from "./estop.js";
+import { watchLink } from "./link.js";
 import { showForces } from "./readout.js";
 import { bindShortcuts, toggleHelp } from "./shortcuts.js";
 import { showLimits, showLink, showMode, showState } from "./status_bar.js";
@@ -10,6 +11,7 @@ import { reporting } from "./toast.js";
 
 const RATE_HZ = 10;
 const DEAD = "CONTROL_PROCESS_DEAD";
+const SILENT = "CONTROL_PROCESS_SILENT";
 
 const FAULT_WORDS = {
   tilt: "the base tilts too far",
@@ -21,6 +23,7 @@ const FAULT_WORDS = {
   estimator_stale: "the force estimate is stale",
   controller_error: "the controller failed",
   tip_over_limit: "the commanded force is reduced, or the robot would tip over",
+  loop_overruns: "the control loop cannot keep its rate: one tick in twenty or more is late",
 };
 
 const pauseButton = document.getElementById("pause");
@@ -42,23 +45,30 @@ function onState(state) {
   if (pauseButton.textContent !== label) pauseButton.textContent = label;
   pauseButton.setAttribute("aria-pressed", String(halted));
   showFaults(state);
-  showDead(state.faults.includes(DEAD));
+  showSilence(state);
 }
 
-function showDead(dead) {
-  pauseButton.disabled = resetButton.disabled = dead || latest.drive !== null;
-  if (!dead) return hideBanner("control");
-  showMode("stopped");
+/** The control process has died or hangs: what the page shows is old. */
+function showSilence({ faults, stale_s: stale }) {
+  const dead = faults.includes(DEAD);
+  const silent = dead || faults.includes(SILENT);
+  pauseButton.disabled = resetButton.disabled = silent || latest.drive !== null;
+  if (!silent) return hideBanner("control");
+  showMode(dead ? "stopped" : "silent");
   showForces(null);
-  showBanner("control", "stop", "The control process has stopped. Nothing controls the robot.", {
+  const since = `for ${Math.round(stale)} s`;
+  const words = dead
+    ? `The control process has stopped. Nothing has controlled the robot ${since}.`
+    : `The control process has not answered ${since}. The page shows the robot as it was then.`;
+  showBanner("control", "stop", words, {
     label: "Restart control",
-    act: () => reporting(() => call("POST", "control/restart", {})),
+    act: () => reporting(() => call("POST", "control/restart", { force: !dead })),
   });
 }
 
 /** Faults that damp get a banner; limits that come and go are told in the status bar, which does not move the scene. */
 function showFaults(state) {
-  const faults = state.faults.filter((fault) => fault !== DEAD).map((fault) => FAULT_WORDS[fault.toLowerCase()] ?? fault);
+  const faults = state.faults.filter((fault) => fault !== DEAD && fault !== SILENT).map((fault) => FAULT_WORDS[fault.toLowerCase()] ?? fault);
   const words = [...(state.drive?.faults ?? []), ...faults];
   const damped = state.mode === "fault" && words.length > 0;
   if (damped) showBanner("fault", "warn", `Fault: ${words.join(", ")}. The drives only damp.`);
@@ -66,9 +76,10 @@ function showFaults(state) {
   showLimits(state.mode === "running" ? words : []);
 }
 
-function onLink(link) {
+function onLink(link, reason) {
   showLink(link);
-  if (link === "lost") showBanner("link", "warn", "The server does not answer. The robot may still be moving. Trying again.");
+  if (link === "refused") showBanner("link", "stop", `This page cannot stop the robot: ${reason}`);
+  else if (link === "lost") showBanner("link", "warn", "The server does not answer. The robot may still be moving. Trying again.");
   else hideBanner("link");
 }
 
@@ -109,4 +120,4 @@ bindShortcuts([
   { keys: ["?"], label: "?", words: "This help", act: toggleHelp },
 ]);
 
-followState(RATE_HZ, onState, onLink);
+watchLink(RATE_HZ, onState, onLink);

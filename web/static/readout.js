@@ -1,4 +1,4 @@
-/** Commanded, estimated and true force on the hand per heading axis, in newton: numbers and legend in one. */
+/** Commanded (as applied), estimated and true force on the hand per heading axis, in newton: numbers and legend in one. */
 
 const rows = Object.fromEntries(
   [...document.querySelectorAll("#forces tr")].map((row) => [row.dataset.force, [...row.querySelectorAll("td")]]),

@@ -1,8 +1,8 @@
 /** The facts of the status bar, as the control process reports them. */
 
-const MODE_WORDS = { running: "Running", guidance: "Guidance", paused: "Paused", estop: "E-stop", fault: "Fault", stopped: "Stopped",
+const MODE_WORDS = { running: "Running", guidance: "Guidance", paused: "Paused", estop: "E-stop", fault: "Fault", stopped: "Stopped", silent: "No answer",
   disconnected: "No robot", observe: "Observing", damped: "Damped", standing_up: "Standing up", ready: "Ready", sitting: "Sitting down" };
-const LINK_WORDS = { live: "live", connecting: "connecting", lost: "lost, retrying" };
+const LINK_WORDS = { live: "live", connecting: "connecting", lost: "lost, retrying", refused: "not permitted" };
 
 const element = (id) => document.getElementById(id);
 
@@ -15,14 +15,15 @@ function show(id, text, level = "") {
 /** Show a state of the stream. */
 export function showState(state) {
   const paused = state.mode === "paused";
-  const { real_time_factor: factor, speed, overruns, lateness_p99_ms: lateness, realtime_scheduling: realtime } = state.loop;
+  const { real_time_factor: factor, speed, overruns, overrun_share: share } = state.loop;
+  const { lateness_p99_ms: lateness, realtime_scheduling: realtime } = state.loop;
   showMode(modeOf(state));
   const drive = state.drive;
   show("backend", drive ? `${state.backend}${drive.dry_run ? ", dry run" : ""}: ${drive.state.replace("_", " ")}` : `${state.backend}, ${state.scene}`);
   show("real-time", paused ? "–" : `× ${factor.toFixed(2)}`, !paused && factor < SLOW * speed ? "warn" : "");
   show("overruns", String(overruns), overrunning(overruns) ? "warn" : "");
   element("overruns").title =
-    `Ticks that missed their 2 ms deadline. 99 % are at most ${lateness.toFixed(2)} ms late; ` +
+    `Ticks that missed their 2 ms deadline, ${(100 * share).toFixed(1)} % of the last seconds'. 99 % are at most ${lateness.toFixed(2)} ms late; ` +
     `real-time priority is ${realtime ? "granted" : "not granted"}.`;
   show("estimator", state.estimator);
 }
@@ -53,7 +54,7 @@ export function showMode(mode) {
   pill.textContent = MODE_WORDS[mode] ?? mode;
 }
 
-/** Show the state of the link to the server: "live", "connecting" or "lost". */
+/** Show the state of the link to the server: a key of LINK_WORDS. */
 export function showLink(link) {
   const target = element("connection");
   if (target.dataset.state === link) return;

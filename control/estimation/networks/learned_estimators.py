@@ -11,10 +11,8 @@ from control.estimation.force_estimator import EstimatorInput
 from control.estimation.networks.force_network import ForceNetwork
 from control.estimation.networks.force_signals import signals_at
 from control.estimation.projecting_estimator import ProjectingEstimator
+from control.timing import Job, due
 from control.types import ForceEstimate
-
-FIRST_STEP_LEAD_TICKS = 2
-"""By how much the second step of a network comes early."""
 
 
 class LearnedEstimator:
@@ -44,8 +42,8 @@ class LearnedEstimator:
         self._nominal.reset()
         self._network.reset()
         self._inputs: EstimatorInput | None = None
-        self._ticks_since_step = self._ticks_per_step
-        self._started = False
+        self._asked_tick = 0
+        self._step_tick: int | None = None
         self._force = np.zeros(3)
         self._sigma: np.ndarray | None = None
 
@@ -53,7 +51,6 @@ class LearnedEstimator:
         """Take in one 500 Hz tick."""
         self._nominal.observe(inputs)
         self._inputs = inputs
-        self._ticks_since_step += 1
 
     def estimate(self) -> ForceEstimate:
         """Nominal force plus the correction, or the network's own force; wheel forces are the nominal ones.
@@ -64,11 +61,21 @@ class LearnedEstimator:
         nominal = self._nominal.estimate()
         if self._inputs is None:
             raise RuntimeError("no tick observed since the last reset; call observe before estimate")
-        if self._ticks_since_step >= self._ticks_per_step:
-            # An estimate at every tick begins with the controller's: the next step comes at a tick that has room for it.
-            self._ticks_since_step = 0 if self._started else FIRST_STEP_LEAD_TICKS
-            self._started = True
+        tick = self._inputs.tick
+        if self._network_due(tick):
+            self._step_tick = tick
             self._force, self._sigma = self._network.step(signals_at(self._inputs, self._nominal, nominal))
+        self._asked_tick = tick
         if self._corrects:
             return replace(nominal, force_estimated_n=nominal.force_estimated_n + self._force, sigma_n=self._sigma)
         return ForceEstimate(self._force.copy(), nominal.wheel_forces_in_heading, self._sigma, stale=nominal.stale)
+
+    def _network_due(self, tick: int) -> bool:
+        """Where every tick asks, the network steps in its slot of the timetable; where few do, at those."""
+        if self._step_tick is None:
+            return True
+        elapsed = tick - self._step_tick
+        if tick - self._asked_tick > 1:
+            return elapsed >= self._ticks_per_step
+        # Half a step: after the first tick, or after one that few asked, the slot may come early, but not at once.
+        return due(Job.NETWORK_STEP, tick) and 2 * elapsed > self._ticks_per_step

@@ -21,7 +21,7 @@ from sim.backends.hardware.remote import ALIVE_S, HardwareRemote
 from sim.backends.hardware.robot import sensor_frame
 from sim.backends.hardware.states import DriveState, Request, Trip
 from sim.backends.hardware.status import HardwareStatus, status_from_record
-from sim.backends.protocol import BackendError, Capabilities
+from sim.backends.protocol import BackendError
 from sim.backends.unitree.dds import dds_unavailable_because
 
 HONESTY = "protocol-verified, not robot-verified"
@@ -47,8 +47,7 @@ class HardwareBackend:
         clock: monotonic seconds, the same as the I/O process's.
     """
 
-    capabilities = Capabilities(name="hardware", has_truth=False, is_simulation=False)
-    scene = "robot"
+    name = "hardware"
 
     def __init__(self, config: HardwareConfig | None = None, clock: Callable[[], float] = time.monotonic) -> None:
         self.config = config or HardwareConfig()

@@ -10,19 +10,17 @@ import mujoco
 import numpy as np
 
 from control.joints import JOINT_COUNT, JOINT_NAMES, NOMINAL_POSITION
+from control.robot_model import GRAVITY_MPS2
 from control.types import JointCommand, SensorFrame
 from sim import scenes
-from sim.backends.protocol import BackendError, Capabilities, GroundTruth
+from sim.backends.protocol import BackendError, GroundTruth
+from sim.backends.simulation.applied_wrenches import AppliedWrenches
+from sim.backends.simulation.drag_spring import drag_spring
 from sim.backends.simulation.ground_truth import GroundTruthReader
 from sim.backends.simulation.mismatch import Mismatch, NominalParameters
 from sim.backends.simulation.sensors import SensorConfig, SensorModel
-from sim.backends.simulation.wrenches import Spring, WrenchSources
-from sim.scenes import Primitive, SceneModel
+from sim.scenes import SceneModel
 
-GRAVITY = 9.81
-DRAG_STIFFNESS = 150.0
-DRAG_DAMPING = 12.0
-DRAG_LIMIT_N = 40.0
 KEYFRAMES = {"stand": NOMINAL_POSITION}
 """Postures (22,) that a reset can start from; the wheels just touch the ground."""
 
@@ -30,7 +28,7 @@ KEYFRAMES = {"stand": NOMINAL_POSITION}
 class MujocoBackend:
     """One robot in one scene. `read` and `write` as in sim.backends.protocol; the rest is for simulation only."""
 
-    capabilities = Capabilities(name="simulation", has_truth=True, is_simulation=True)
+    name = "simulation"
 
     def __init__(self, scene: str | SceneModel = "free", sensors: SensorConfig | None = None, seed: int = 0) -> None:
         """`scene` of sim.scenes.SCENE_NAMES, or one's own; `seed` draws the errors of the sensors, by default SensorConfig().
@@ -42,7 +40,7 @@ class MujocoBackend:
         self._seed = seed
         self._mismatch = Mismatch()
         self._opened = False
-        self._load(scenes.build(scene) if isinstance(scene, str) else scene)
+        self.set_scene(scene)
 
     def open(self) -> None:
         """Put the robot on its wheels."""
@@ -131,22 +129,17 @@ class MujocoBackend:
         return self._scene.name
 
     @property
-    def scene_primitives(self) -> tuple[Primitive, ...]:
-        """Geoms of everything but the robot, for drawing."""
-        return self._scene.primitives
-
-    @property
     def movable_bodies(self) -> tuple[str, ...]:
         """Names of the scene's movable bodies, in the order of GroundTruth.object_positions."""
         return self._scene.movable_bodies
 
-    def set_scene(self, name: str) -> None:
-        """Load another scene and put the robot on its wheels there; the mismatch stays.
+    def set_scene(self, scene: str | SceneModel) -> None:
+        """Load another scene, by name or one's own, and put the robot on its wheels there; the mismatch stays.
 
         Raises:
             ValueError: no scene has this name; nothing changes.
         """
-        self._load(scenes.build(name))
+        self._load(scenes.build(scene) if isinstance(scene, str) else scene)
 
     @property
     def mismatch(self) -> Mismatch:
@@ -168,7 +161,7 @@ class MujocoBackend:
         self._mismatch = mismatch
 
     def set_drag(self, target_in_world: np.ndarray | None) -> None:
-        """Pull the end effector towards a point (3,) m in world by a soft capped spring, or let go with None.
+        """Pull the end effector towards a point (3,) m in world by the drag spring, or let go with None.
 
         Raises:
             ValueError: the target is not three finite numbers.
@@ -176,7 +169,7 @@ class MujocoBackend:
         if target_in_world is None:
             self.wrenches.set_drag(None)
         elif self.wrenches.drag is None or not np.array_equal(target_in_world, self.wrenches.drag.anchor_m):
-            self.wrenches.set_drag(Spring(target_in_world, DRAG_STIFFNESS, DRAG_DAMPING, limit_n=DRAG_LIMIT_N))
+            self.wrenches.set_drag(drag_spring(target_in_world))
 
     def _load(self, scene: SceneModel) -> None:
         self._scene = scene
@@ -193,7 +186,7 @@ class MujocoBackend:
         self._imu_twist = np.zeros(6)
         self._make_drives_affine()
         data = self._data = mujoco.MjData(model)
-        self.wrenches = WrenchSources(model, data)
+        self.wrenches = AppliedWrenches(model, data)
         self._truth = GroundTruthReader(model, data, self._scene.robot_bodies, self._scene.movable_bodies)
         self._nominal = NominalParameters(model, self._scene.robot_bodies)
         self._nominal.apply(model, self._mismatch)
@@ -220,7 +213,7 @@ class MujocoBackend:
         imu_velocity = self._imu_twist[3:].copy()
         # The mean over the tick, so that it integrates to the change of velocity under implicit integration too.
         acceleration = (imu_velocity - self._imu_velocity) / self._model.opt.timestep
-        acceleration[2] += GRAVITY
+        acceleration[2] += GRAVITY_MPS2
         self._imu_velocity = imu_velocity
         self._frame = self._sensors.measure(
             SensorFrame(

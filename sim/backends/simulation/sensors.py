@@ -12,6 +12,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from control.joints import JOINT_COUNT
+from control.timing import TICK_S
 from control.types import SensorFrame
 
 _POSITION = slice(0, JOINT_COUNT)
@@ -76,7 +77,7 @@ class SensorConfig:
 class SensorModel:
     """Turns ideal samples, one per tick, into what the robot's sensors would deliver."""
 
-    def __init__(self, config: SensorConfig, seed: int, period_s: float = 0.002) -> None:
+    def __init__(self, config: SensorConfig, seed: int, period_s: float = TICK_S) -> None:
         """`period_s` is the time between two samples; the same seed gives the same errors."""
         self.config = config
         self._random = np.random.default_rng(seed)

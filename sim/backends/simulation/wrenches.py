@@ -1,19 +1,11 @@
-"""External wrenches on the simulated bodies: additive sources, each with its own life time.
-
-Every tick all sources are evaluated at the state of the tick and summed into xfrc_applied, which MuJoCo takes at the
-body's centre of mass, so the moment of the application point is added here. Forces act on the robot (environment -> robot).
-"""
+"""Sources of external wrenches on the simulated bodies, each with its own life time. Forces act on the robot."""
 
 from dataclasses import dataclass, field
 from typing import Protocol
 
-import mujoco
 import numpy as np
 
-from control.frames import rotation_heading_to_world
-
 FRAMES = ("world", "heading", "body")
-MAX_SOURCES = 64
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,7 +111,7 @@ class Pulse:
 
 @dataclass(frozen=True)
 class Spring:
-    """Virtual spring-damper of the paper (eq. virtual_pd_force): f = Kp (x_d - x) - Kd v, per axis of the anchor's frame.
+    """Virtual spring-damper of the paper (Sec. II.E): f = Kp (x_d - x) - Kd v, per axis of the anchor's frame.
 
     With `frame` "world" the anchor is a fixed point; with "heading" it rides with the robot, and v is still the velocity in
     world, as in the paper. `limit_n` caps the length of the force: the operator's hand on the drag handle.
@@ -165,134 +157,3 @@ class Spring:
         if length > self.limit_n:
             force *= self.limit_n / length
         return force, np.zeros(3)
-
-
-@dataclass(frozen=True)
-class ActiveWrench:
-    """A source at work: its id, and the simulated time left (inf for an endless one)."""
-
-    id: int
-    source: WrenchSource
-    remaining_s: float
-
-
-@dataclass
-class _Entry:
-    source: WrenchSource
-    body: int
-    start_s: float
-
-
-class WrenchSources:
-    """All wrenches that act on one simulated world."""
-
-    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        self._model = model
-        self._data = data
-        self._base = model.body("base").id
-        self._entries: dict[int, _Entry] = {}
-        self._next_id = 1
-        self._drag: Spring | None = None
-        self._drag_entry: _Entry | None = None
-        self._velocity = np.zeros(6)
-        self.drag_force_in_world = np.zeros(3)
-        """(3,) N, of the drag spring over the last tick."""
-
-    def add(self, source: WrenchSource) -> int:
-        """Start `source` with the next tick; the id names it in `remove`.
-
-        Raises:
-            ValueError: its body is not in the scene (the message lists them), or MAX_SOURCES act already.
-        """
-        body = self._body_id(source.body)
-        if len(self._entries) >= MAX_SOURCES:
-            raise ValueError(f"{MAX_SOURCES} wrenches act already; remove one or wait until one expires")
-        key = self._next_id
-        self._next_id += 1
-        self._entries[key] = _Entry(source, body, self._data.time)
-        return key
-
-    def remove(self, key: int) -> None:
-        """End one source now. Raises KeyError when it is not at work (never was, expired or removed)."""
-        if key not in self._entries:
-            raise KeyError(f"wrench {key} is not at work; these are: {sorted(self._entries)}")
-        del self._entries[key]
-
-    @property
-    def drag(self) -> Spring | None:
-        """The operator's drag spring, if it pulls."""
-        return self._drag
-
-    def set_drag(self, spring: Spring | None) -> None:
-        """The operator's drag spring, apart from the listed sources: it lives until it is set to None."""
-        self._drag = spring
-        self._drag_entry = None if spring is None else _Entry(spring, self._body_id(spring.body), self._data.time)
-        if spring is None:
-            self.drag_force_in_world[:] = 0.0
-
-    def clear(self) -> None:
-        """End all sources and the drag (a reset sets the simulated time back)."""
-        self._entries.clear()
-        self.set_drag(None)
-
-    def list(self) -> tuple[ActiveWrench, ...]:
-        """What acts now, oldest first."""
-        now = self._data.time
-        return tuple(
-            ActiveWrench(key, entry.source, entry.source.duration_s - (now - entry.start_s))
-            for key, entry in self._entries.items()
-        )
-
-    def apply(self) -> None:
-        """Write the sum of all sources into xfrc_applied for the tick that starts now; expired ones end.
-
-        The kinematics of `data` must be those of the current state.
-        """
-        data = self._data
-        data.xfrc_applied[:] = 0.0
-        if self._drag_entry is not None:
-            self.drag_force_in_world[:] = self._apply(self._drag_entry)
-        expired = [key for key, entry in self._entries.items() if data.time - entry.start_s >= entry.source.duration_s]
-        for key in expired:
-            del self._entries[key]
-        for entry in self._entries.values():
-            self._apply(entry)
-
-    def _apply(self, entry: _Entry) -> np.ndarray:
-        state = self._state(entry)
-        force, moment = entry.source.wrench(state, self._data.time - entry.start_s)
-        x, y, z = state.point - self._data.xipos[entry.body]
-        applied = self._data.xfrc_applied[entry.body]
-        applied[:3] += force
-        applied[3:] += moment
-        applied[3] += y * force[2] - z * force[1]
-        applied[4] += z * force[0] - x * force[2]
-        applied[5] += x * force[1] - y * force[0]
-        return force
-
-    def _body_id(self, name: str) -> int:
-        bodies = [self._model.body(i).name for i in range(1, self._model.nbody)]
-        if name not in bodies:
-            raise ValueError(f"body {name!r} is not in the scene; it has {', '.join(bodies)}")
-        return self._model.body(name).id
-
-    def _state(self, entry: _Entry) -> BodyState:
-        data, body = self._data, entry.body
-        rotation = data.xmat[body].reshape(3, 3)
-        offset = rotation @ entry.source.point_m
-        # Angular and linear velocity in world axes, of the body frame's origin.
-        mujoco.mj_objectVelocity(self._model, data, mujoco.mjtObj.mjOBJ_XBODY, body, self._velocity, 0)
-        wx, wy, wz = self._velocity[:3]
-        x, y, z = offset
-        velocity = self._velocity[3:] + np.array([wy * z - wz * y, wz * x - wx * z, wx * y - wy * x])
-        origin = data.xpos[self._base].copy()
-        origin[2] = 0.0
-        return BodyState(
-            time_s=data.time,
-            period_s=self._model.opt.timestep,
-            point=data.xpos[body] + offset,
-            velocity=velocity,
-            rotation_body_to_world=rotation,
-            rotation_heading_to_world=rotation_heading_to_world(data.xmat[self._base].reshape(3, 3)),
-            heading_origin=origin,
-        )

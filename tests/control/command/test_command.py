@@ -13,9 +13,9 @@ from control.command.limits import DEFAULT_COMMAND, CommandError, CommandLimits,
 from control.frames import quaternion_from_rotation, rotation_error, rotation_from_quaternion
 from control.joints import NOMINAL_BASE_HEIGHT_M, NOMINAL_POSITION
 from control.robot_model import RobotModel
+from control.timing import CONTROL_PERIOD_S
 
 LIMITS = CommandLimits()
-DT = 0.02
 
 
 def hand_at(command, force=(0.0, 0.0, 0.0)):
@@ -77,9 +77,9 @@ def test_a_jump_of_the_position_moves_the_reference_at_limited_speed_and_acceler
     command_filter = CommandFilter(LIMITS)
     positions = [DEFAULT_COMMAND.position_m] * 2
     for _ in range(150):
-        positions.append(command_filter.step(target, hand_at(DEFAULT_COMMAND), DT).position_m)
-    velocity = np.diff(positions, axis=0) / DT
-    acceleration = np.diff(velocity, axis=0) / DT
+        positions.append(command_filter.step(target, hand_at(DEFAULT_COMMAND), CONTROL_PERIOD_S).position_m)
+    velocity = np.diff(positions, axis=0) / CONTROL_PERIOD_S
+    acceleration = np.diff(velocity, axis=0) / CONTROL_PERIOD_S
     assert np.linalg.norm(velocity, axis=1).max() <= LIMITS.position_speed_mps + 1e-9
     assert np.linalg.norm(acceleration, axis=1).max() <= LIMITS.position_acceleration_mps2 + 1e-6
     assert np.allclose(positions[-1], target.position_m, atol=1e-3)
@@ -94,11 +94,11 @@ def test_a_jump_of_the_orientation_turns_the_shortest_way_at_limited_rate_and_ar
     last = rotation_from_quaternion(DEFAULT_COMMAND.orientation_wxyz)
     total = 0.0
     for _ in range(200):
-        applied = command_filter.step(target, hand_at(DEFAULT_COMMAND), DT)
+        applied = command_filter.step(target, hand_at(DEFAULT_COMMAND), CONTROL_PERIOD_S)
         assert np.linalg.norm(applied.orientation_wxyz) == pytest.approx(1.0)
         rotation = rotation_from_quaternion(applied.orientation_wxyz)
         angle = np.linalg.norm(rotation_error(rotation, last))
-        assert angle <= LIMITS.orientation_speed_rps * DT + 1e-9
+        assert angle <= LIMITS.orientation_speed_rps * CONTROL_PERIOD_S + 1e-9
         total += angle
         last = rotation
     direct = rotation_error(rotation_from_quaternion(half_turn), rotation_from_quaternion(DEFAULT_COMMAND.orientation_wxyz))
@@ -111,26 +111,26 @@ def test_force_and_base_velocity_are_slewed():
         DEFAULT_COMMAND, mask=np.ones(3), force_n=np.array([20.0, 0.0, -20.0]), base_velocity=np.array([0.5, 0.0, 0.4])
     )
     command_filter = CommandFilter(LIMITS)
-    applied = command_filter.step(target, hand_at(DEFAULT_COMMAND), DT)
+    applied = command_filter.step(target, hand_at(DEFAULT_COMMAND), CONTROL_PERIOD_S)
     assert np.allclose(applied.force_n, [1.0, 0.0, -1.0])
     assert np.allclose(applied.base_velocity, [0.02, 0.0, 0.03])
     for _ in range(60):
-        applied = command_filter.step(target, hand_at(DEFAULT_COMMAND), DT)
+        applied = command_filter.step(target, hand_at(DEFAULT_COMMAND), CONTROL_PERIOD_S)
     assert np.array_equal(applied.force_n, target.force_n)
     assert np.array_equal(applied.base_velocity, target.base_velocity)
 
 
 def test_the_first_reference_is_the_measured_hand_not_the_default():
     measured = replace(DEFAULT_COMMAND, position_m=np.array([0.4, 0.1, 0.3]))
-    applied = CommandFilter(LIMITS).step(DEFAULT_COMMAND, hand_at(measured), DT)
+    applied = CommandFilter(LIMITS).step(DEFAULT_COMMAND, hand_at(measured), CONTROL_PERIOD_S)
     assert np.allclose(applied.position_m, measured.position_m, atol=1e-3)
 
 
 def test_an_axis_changes_to_force_at_the_estimated_force():
     command_filter = CommandFilter(LIMITS)
-    command_filter.step(DEFAULT_COMMAND, hand_at(DEFAULT_COMMAND), DT)
+    command_filter.step(DEFAULT_COMMAND, hand_at(DEFAULT_COMMAND), CONTROL_PERIOD_S)
     pressing = replace(DEFAULT_COMMAND, mask=np.array([0.0, 0.0, 1.0]), force_n=np.array([0.0, 0.0, 20.0]))
-    applied = command_filter.step(pressing, hand_at(DEFAULT_COMMAND, force=(3.0, 0.0, 8.0)), DT)
+    applied = command_filter.step(pressing, hand_at(DEFAULT_COMMAND, force=(3.0, 0.0, 8.0)), CONTROL_PERIOD_S)
     assert np.allclose(applied.force_n, [0.0, 0.0, 9.0])
 
 
@@ -138,9 +138,9 @@ def test_an_axis_changes_to_position_where_the_hand_is():
     command_filter = CommandFilter(LIMITS)
     sliding = replace(DEFAULT_COMMAND, mask=np.array([0.0, 1.0, 0.0]))
     moved = replace(DEFAULT_COMMAND, position_m=DEFAULT_COMMAND.position_m + np.array([0.0, 0.12, 0.0]))
-    command_filter.step(sliding, hand_at(DEFAULT_COMMAND), DT)
-    command_filter.step(sliding, hand_at(moved), DT)
-    applied = command_filter.step(DEFAULT_COMMAND, hand_at(moved), DT)
+    command_filter.step(sliding, hand_at(DEFAULT_COMMAND), CONTROL_PERIOD_S)
+    command_filter.step(sliding, hand_at(moved), CONTROL_PERIOD_S)
+    applied = command_filter.step(DEFAULT_COMMAND, hand_at(moved), CONTROL_PERIOD_S)
     assert applied.position_m[1] == pytest.approx(moved.position_m[1], abs=2e-3)
     assert applied.force_n[1] == 0.0
 
@@ -148,8 +148,8 @@ def test_an_axis_changes_to_position_where_the_hand_is():
 def test_reset_starts_again_at_the_measured_hand():
     command_filter = CommandFilter(LIMITS)
     far = replace(DEFAULT_COMMAND, position_m=np.array([0.4, -0.2, 0.4]))
-    command_filter.step(replace(far, base_velocity=np.array([0.5, 0.0, 0.0])), hand_at(far), DT)
+    command_filter.step(replace(far, base_velocity=np.array([0.5, 0.0, 0.0])), hand_at(far), CONTROL_PERIOD_S)
     command_filter.reset()
-    applied = command_filter.step(DEFAULT_COMMAND, hand_at(DEFAULT_COMMAND), DT)
+    applied = command_filter.step(DEFAULT_COMMAND, hand_at(DEFAULT_COMMAND), CONTROL_PERIOD_S)
     assert np.allclose(applied.position_m, DEFAULT_COMMAND.position_m, atol=1e-3)
     assert np.array_equal(applied.base_velocity, np.zeros(3))

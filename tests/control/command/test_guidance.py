@@ -8,8 +8,8 @@ import pytest
 from control.command.guidance import Guidance, GuidanceConfig, centring_force, guidance_record
 from control.command.limits import DEFAULT_COMMAND, HandState
 from control.frames import rotation_from_quaternion
+from control.timing import CONTROL_PERIOD_S
 
-DT = 0.02
 CONFIG = GuidanceConfig()
 GUIDED = replace(DEFAULT_COMMAND, guidance=True)
 
@@ -30,18 +30,18 @@ def settled(force, seconds=1.0):
 
 
 def repeat(guidance, state, seconds):
-    for _ in range(round(seconds / DT) - 1):
-        guidance.step(GUIDED, state, DT)
-    return guidance.step(GUIDED, state, DT)
+    for _ in range(round(seconds / CONTROL_PERIOD_S) - 1):
+        guidance.step(GUIDED, state, CONTROL_PERIOD_S)
+    return guidance.step(GUIDED, state, CONTROL_PERIOD_S)
 
 
 def test_a_command_without_guidance_passes_unchanged():
-    assert Guidance(CONFIG).step(DEFAULT_COMMAND, hand((20.0, 0.0, 0.0)), DT) is DEFAULT_COMMAND
+    assert Guidance(CONFIG).step(DEFAULT_COMMAND, hand((20.0, 0.0, 0.0)), CONTROL_PERIOD_S) is DEFAULT_COMMAND
 
 
 def test_guidance_overrides_mask_and_force_and_keeps_the_orientation():
     asked = replace(GUIDED, force_n=np.array([9.0, 9.0, 9.0]), base_velocity=np.array([0.5, 0.0, 0.5]))
-    command = Guidance(CONFIG).step(asked, hand(), DT)
+    command = Guidance(CONFIG).step(asked, hand(), CONTROL_PERIOD_S)
     assert np.array_equal(command.mask, np.ones(3))
     assert np.array_equal(command.force_n, np.zeros(3))
     assert np.array_equal(command.base_velocity, np.zeros(3))
@@ -76,7 +76,7 @@ def test_the_base_velocity_saturates():
 
 def test_a_step_of_the_force_is_smoothed_and_letting_go_stops_within_half_a_second():
     guidance = Guidance(CONFIG)
-    first = guidance.step(GUIDED, hand((15.0, 0.0, 0.0)), DT).base_velocity[0]
+    first = guidance.step(GUIDED, hand((15.0, 0.0, 0.0)), CONTROL_PERIOD_S).base_velocity[0]
     pulled = repeat(guidance, hand((15.0, 0.0, 0.0)), 1.0).base_velocity[0]
     assert first < 0.2 * pulled
     assert repeat(guidance, hand(), 0.5).base_velocity[0] == 0.0
@@ -99,7 +99,7 @@ def test_centring_force_is_continuous_and_along_the_displacement():
 def test_entering_far_from_the_comfortable_place_starts_without_force_and_glides_there():
     guidance = Guidance(CONFIG)
     away = hand(displacement=(0.0, 0.2, 0.0))
-    first = guidance.step(GUIDED, away, DT).force_n
+    first = guidance.step(GUIDED, away, CONTROL_PERIOD_S).force_n
     assert np.linalg.norm(first) < 0.5
     last = repeat(guidance, away, 2.0).force_n
     assert np.allclose(last, centring(0.0, 0.2, 0.0))
@@ -108,5 +108,5 @@ def test_entering_far_from_the_comfortable_place_starts_without_force_and_glides
 def test_leaving_guidance_forgets_the_force():
     guidance = Guidance(CONFIG)
     repeat(guidance, hand((15.0, 0.0, 0.0)), 1.0)
-    guidance.step(DEFAULT_COMMAND, hand(), DT)
-    assert np.array_equal(guidance.step(GUIDED, hand(), DT).base_velocity, np.zeros(3))
+    guidance.step(DEFAULT_COMMAND, hand(), CONTROL_PERIOD_S)
+    assert np.array_equal(guidance.step(GUIDED, hand(), CONTROL_PERIOD_S).base_velocity, np.zeros(3))

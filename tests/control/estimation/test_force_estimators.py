@@ -15,10 +15,10 @@ from control.estimation.registry import MODEL_BASED_NAMES, EstimatorsConfig, mak
 from control.estimation.wrench_qp import ContactConstraints, WrenchProjectionError, WrenchSolver
 from control.joints import ARM_SLICE, JOINT_COUNT, LEGS, NOMINAL_POSITION
 from control.robot_model import RobotModel
+from control.timing import TICK_S
 from control.types import BaseState, SensorFrame
-from sim.runtime.session import Session, SessionConfig
+from sim.runtime.simulation import Simulation, SimulationConfig
 
-PERIOD_S = 0.002
 FORCE = np.array([6.0, -5.0, 12.0])
 PUSH_SHARE = {"gmo_pi": 0.65, "gmo_cqp": 0.03, "adaptive": 0.1}
 """Of a force on the base that an estimator may take for one at the hand: the pseudo-inverse spreads it over everything."""
@@ -53,7 +53,7 @@ class StandingRobot:
         self.wheel_forces = np.linalg.lstsq(contacts[:, :6].T, unsupported[:6], rcond=None)[0]
         balance = unsupported - contacts.T @ self.wheel_forces
         torque = balance[model.joint_rows] - self.extra_torque
-        self.time_s += PERIOD_S
+        self.time_s += TICK_S
         sensor = SensorFrame(
             self.time_s,
             np.array([1.0, 0, 0, 0]),
@@ -63,7 +63,7 @@ class StandingRobot:
             np.zeros(JOINT_COUNT),
             torque,
         )
-        return EstimatorInput(model, sensor, BaseState(np.eye(3), zero, zero, 0.36))
+        return EstimatorInput(round(self.time_s / TICK_S) - 1, model, sensor, BaseState(np.eye(3), zero, zero, 0.36))
 
 
 def make(robot: StandingRobot) -> dict[str, ForceEstimator]:
@@ -71,14 +71,14 @@ def make(robot: StandingRobot) -> dict[str, ForceEstimator]:
 
 
 def run(robot: StandingRobot, estimators: dict[str, ForceEstimator], duration_s: float) -> None:
-    for _ in range(round(duration_s / PERIOD_S)):
+    for _ in range(round(duration_s / TICK_S)):
         inputs = robot.tick()
         for estimator in estimators.values():
             estimator.observe(inputs)
 
 
 def wave_arm(robot: StandingRobot, estimators: dict[str, ForceEstimator], duration_s: float) -> None:
-    for _ in range(round(duration_s / PERIOD_S)):
+    for _ in range(round(duration_s / TICK_S)):
         phase = 0.5 * robot.time_s + np.arange(6)
         robot.position[ARM_SLICE] = NOMINAL_POSITION[ARM_SLICE] + 0.4 * np.sin(phase)
         inputs = robot.tick()
@@ -193,7 +193,7 @@ def test_an_unsolved_program_is_stale_and_never_zero() -> None:
     run(robot, {"gmo_cqp": constrained}, 2.0)
     good = constrained.estimate()
     constrained._solver = WrenchSolver(ContactConstraints(), max_iterations=1)
-    run(robot, {"gmo_cqp": constrained}, PERIOD_S)
+    run(robot, {"gmo_cqp": constrained}, TICK_S)
     repeated = constrained.estimate()
     assert repeated.stale and not good.stale
     np.testing.assert_array_equal(repeated.force_estimated_n, good.force_estimated_n)
@@ -224,7 +224,7 @@ def test_reset_forgets_the_masses() -> None:
 
 
 def test_against_the_truth_of_a_heavier_simulated_robot_that_drives() -> None:
-    session = Session(SessionConfig(seed=77))
+    session = Simulation(SimulationConfig(seed=77))
     session.set_mismatch(1.2)
     session.reset()
     session.add_wrench(force_n=[6.0, 0.0, 10.0], duration_s=10.0, ramp_s=0.5)
@@ -234,7 +234,6 @@ def test_against_the_truth_of_a_heavier_simulated_robot_that_drives() -> None:
         session.tick(command)
         if tick > 500 and tick % 10 == 9:
             truth = session.truth()
-            assert truth is not None
             for name, squares in errors.items():
                 error = session.output.estimates[name].force_estimated_n - truth.force_true_n
                 squares.append(float(error @ error))
@@ -247,7 +246,7 @@ def test_against_the_truth_of_a_heavier_simulated_robot_that_drives() -> None:
 
 
 def test_base_state_tracks_a_driving_robot_without_truth() -> None:
-    session = Session(SessionConfig(seed=5))
+    session = Simulation(SimulationConfig(seed=5))
     model = RobotModel()
     estimator = BaseStateEstimator(BaseStateConfig(), model)
     command = replace(DEFAULT_COMMAND, base_velocity=np.array([0.4, 0.0, 0.3]))
@@ -256,7 +255,6 @@ def test_base_state_tracks_a_driving_robot_without_truth() -> None:
         session.tick(command)
         base = estimator.step(session.backend.read())
         truth = session.truth()
-        assert truth is not None
         velocity_error = base.rotation_base_to_world @ base.linear_velocity_in_base - truth.base_linear_velocity
         errors.append([*velocity_error, base.height_m - truth.base_position[2]])
     settled = np.abs(errors[250:]).max(axis=0)

@@ -9,15 +9,16 @@ import pytest
 from control.estimation.base_state import BaseStateConfig, BaseStateEstimator
 from control.estimation.force_estimator import EstimatorInput
 from control.estimation.networks.force_features import HYBRID_GROUPS, PAPER_GROUPS, feature_names
-from control.estimation.networks.force_network import NetworkManifest
+from control.estimation.networks.force_network import ForceNetwork, NetworkManifest
 from control.estimation.networks.force_signals import signals_at
-from control.estimation.networks.learned_estimators import FIRST_STEP_LEAD_TICKS, LearnedEstimator
+from control.estimation.networks.learned_estimators import LearnedEstimator
 from control.estimation.networks.network_weights import WeightsError, load_network, save_network
 from control.estimation.networks.residual_tcn import TcnShape, parameter_shapes
 from control.estimation.projecting_estimator import ProjectingEstimator
 from control.estimation.registry import LEARNED_NAMES, MODEL_BASED_NAMES, EstimatorsConfig, make_estimators
 from control.joints import JOINT_COUNT, NOMINAL_POSITION
 from control.robot_model import RobotModel
+from control.timing import CONTROL_PERIOD_S, SLOT_COUNT, TICK_S, Job, slots
 from control.types import SensorFrame
 
 
@@ -30,7 +31,7 @@ def save(directory: Path, name: str, nominal: str | None, groups: tuple[str, ...
     arrays |= {"feature_mean": np.zeros(len(names)), "feature_std": np.full(len(names), 10.0)}
     sigma, slopes = ((1.0, 1.0, 1.0), (0.5, 0.3)) if gaussian else (None, ())
     limit = (5.0, 5.0, 5.0)
-    manifest = NetworkManifest(name, nominal, groups, (), names, shape, 0.02, 2.0, limit, 0.0, sigma, slopes)
+    manifest = NetworkManifest(name, nominal, groups, (), names, shape, CONTROL_PERIOD_S, 2.0, limit, 0.0, sigma, slopes)
     save_network(directory, manifest, arrays)
 
 
@@ -53,7 +54,7 @@ class Robot:
 
     def tick(self) -> EstimatorInput:
         noise = self._random.standard_normal
-        self._time += 0.002
+        self._time += TICK_S
         sensor = SensorFrame(
             time_s=self._time,
             orientation_wxyz=np.array([1.0, 0.0, 0.0, 0.0]),
@@ -66,7 +67,7 @@ class Robot:
         base = self._base_state.step(sensor)
         velocities = base.linear_velocity_in_base, base.angular_velocity_in_base
         self.model.update(base.rotation_base_to_world, sensor.joint_position, *velocities, sensor.joint_velocity)
-        return EstimatorInput(self.model, sensor, base)
+        return EstimatorInput(round(self._time / TICK_S) - 1, self.model, sensor, base)
 
 
 def test_all_networks_run_and_a_missing_one_is_said_with_its_cure(weights: Path) -> None:
@@ -108,12 +109,28 @@ def test_between_network_steps_the_correction_holds_and_the_nominal_part_does_no
         hybrid.observe(robot.tick())
         nominals.append(adaptive.estimate().force_estimated_n)
         corrections.append(hybrid.estimate().force_estimated_n - nominals[-1])
-    second = 10 - FIRST_STEP_LEAD_TICKS
+    (second,) = slots(Job.NETWORK_STEP)
     for start, stop in ((0, second), (second, second + 10), (second + 10, second + 20)):
         block = np.array(corrections[start:stop])
         assert np.abs(block - block[0]).max() < 1e-9
         assert np.abs(corrections[stop] - block[0]).max() > 1e-6
     assert np.abs(np.diff(nominals, axis=0)).min(axis=0).max() > 0.0
+
+
+def test_a_network_moves_to_its_slot_when_every_tick_asks_and_back_when_few_do(weights: Path, monkeypatch) -> None:
+    robot = Robot()
+    hybrid = make_estimators(robot.model, EstimatorsConfig(weights=weights))["hybrid"]
+    stepped: list[int] = []
+    step = ForceNetwork.step
+    monkeypatch.setattr(ForceNetwork, "step", lambda self, signals: (stepped.append(tick), step(self, signals))[1])
+    own, selected = 7, range(33, 72)
+    for tick in range(100):
+        hybrid.observe(robot.tick())
+        if tick in selected or tick % SLOT_COUNT == own:
+            hybrid.estimate()
+    (slot,) = slots(Job.NETWORK_STEP)
+    assert stepped == [7, 17, 27, 30 + slot, 40 + slot, 50 + slot, 60 + slot, 87, 97]
+    assert np.diff(stepped).min() > SLOT_COUNT // 2
 
 
 def test_sharing_a_nominal_estimator_does_not_disturb_it(weights: Path) -> None:

@@ -16,6 +16,7 @@ from control.estimation.model_adaptation import (
 from control.estimation.wrench_projection import ProjectionWeights, build_wrench_problem
 from control.joints import ARM_SLICE, JOINT_COUNT, NOMINAL_POSITION
 from control.robot_model import RobotModel
+from control.timing import CONTROL_PERIOD_S
 
 FREE_N = 0.0
 """Force on the hand that leaves every instant its full weight."""
@@ -98,7 +99,7 @@ def test_nothing_is_learned_before_the_observer_has_settled() -> None:
     config = ModelAdaptationConfig()
     adaptation = ModelAdaptation(config)
     recording = Recording((0.2, 0.2))
-    recording.feed(adaptation, round(config.settle_s / config.period_s) - 1)
+    recording.feed(adaptation, round(config.settle_s / CONTROL_PERIOD_S) - 1)
     np.testing.assert_array_equal(adaptation.parameters, 0.0)
     recording.feed(adaptation, 5)
     assert adaptation.parameters[REST] > 0.05

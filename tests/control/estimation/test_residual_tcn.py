@@ -23,6 +23,7 @@ from control.estimation.networks.force_signals import Signals
 from control.estimation.networks.network_weights import WeightsError, load_network, save_network
 from control.estimation.networks.residual_tcn import ResidualTcn, TcnShape, parameter_shapes
 from control.learning.tcn_module import TcnModule
+from control.timing import CONTROL_PERIOD_S
 
 INCREMENT_GROUPS = ("nominal_force", "nominal_unexplained")
 GROUPS = (*INCREMENT_GROUPS, "nominal_force_length")
@@ -146,7 +147,7 @@ def saved_network(directory: Path, gaussian: bool = True) -> NetworkManifest:
         increment_groups=INCREMENT_GROUPS,
         feature_names=names,
         shape=shape,
-        period_s=0.02,
+        period_s=CONTROL_PERIOD_S,
         output_scale_n=1.5,
         output_limit_n=(2.0, 2.0, 2.0),
         output_noise_n=0.0,

@@ -64,6 +64,7 @@ def test_a_part_follows_its_own_weights():
     assert torch.allclose(both, (per_head - per_head.mean(dim=0)) / per_head.std(dim=0), atol=1e-5)
 
 
+@pytest.mark.slow
 def test_parts_learn_from_the_heads_that_they_are_judged_by():
     """Each head pays for one action; a part that is judged by the other's head alone learns nothing of use."""
 
@@ -148,6 +149,7 @@ def test_ppo_improves_both_heads():
     assert all(after > 0.7 * before for after, before in zip(last.reward, first.reward, strict=True))
 
 
+@pytest.mark.slow
 def test_a_penalised_mean_stays_between_zero_and_what_pays():
     def mean_size(penalty: float) -> float:
         env, net = Reaching(256), network()

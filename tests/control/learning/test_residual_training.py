@@ -26,6 +26,7 @@ from control.learning.rollout_data import (
 from control.learning.shrinkage import NOISES_N, choose_output_noise
 from control.learning.targets import TARGETS
 from control.learning.windows import Normalization, WindowSet, raw_features, wanted_force
+from control.timing import CONTROL_PERIOD_S
 
 SHORT = TrainingConfig(epochs=2, samples_per_epoch=256, batch=64)
 torch.set_num_threads(1)
@@ -52,6 +53,7 @@ def data(tmp_path: Path) -> Path:
     return tmp_path
 
 
+@pytest.mark.slow
 def test_a_residual_network_halves_the_noise_around_a_force_that_stands_still(data: Path, tmp_path: Path) -> None:
     config = TrainingConfig(epochs=2, samples_per_epoch=3200, batch=32, dropout=0.0, learning_rate=4e-3)
     training = ResidualTraining(TARGETS["hybrid"], data, tmp_path / "run", config)
@@ -173,11 +175,11 @@ def test_windows_end_at_their_step_and_repeat_the_first_one_before_the_start(dat
 
 def test_a_posture_dependent_bias_is_found_and_lag_is_not_mistaken_for_one() -> None:
     random = np.random.default_rng(0)
-    steps = np.arange(500)[:, None] * 0.02
+    steps = np.arange(500)[:, None] * CONTROL_PERIOD_S
     arrays = {name: np.zeros((500, size)) for name, size in column_sizes().items()}
     arrays["joint_position"][:, 16:] = 0.3 * np.sin(0.7 * steps + random.uniform(0.0, 6.0, 6))
     arrays["force_true_n"] = 10.0 * np.sin(1.5 * steps + np.array([0.0, 1.0, 2.0]))
-    lag = 0.03 * np.gradient(arrays["force_true_n"], 0.02, axis=0)
+    lag = 0.03 * np.gradient(arrays["force_true_n"], CONTROL_PERIOD_S, axis=0)
     bias = np.array([0.5, -0.3, 0.2]) + arrays["joint_position"][:, 16:] @ random.standard_normal((6, 3))
     arrays["adaptive.force"] = arrays["force_true_n"] - lag - bias
     rollout = Rollout({}, arrays)

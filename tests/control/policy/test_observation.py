@@ -6,6 +6,7 @@ import pytest
 from control.command.command_record import COMMAND
 from control.joints import NOMINAL_BASE_HEIGHT_M, NOMINAL_POSITION
 from control.policy.observation import EXTENDED_FORM, PAPER_FORM, Observation, advance_phase
+from control.timing import CONTROL_PERIOD_S
 from control.whole_body.task_memory import TASK_MEMORY, TaskMemory, TaskMemoryConfig
 from control.whole_body.task_signals import TASK_SIGNALS, force_error, position_error
 
@@ -153,7 +154,7 @@ def test_integrals_grow_to_their_limits_and_end_with_the_mode():
     memory = TaskMemory(TaskMemoryConfig())
     off = signals(position_m=(0.65, 0.0, 0.5))
     memory.step(off)
-    assert memory.values["position_integral"][0, 0] == pytest.approx(0.1 * 0.02)
+    assert memory.values["position_integral"][0, 0] == pytest.approx(0.1 * CONTROL_PERIOD_S)
     for _ in range(200):
         memory.step(off)
     assert memory.values["position_integral"][0, 0] == pytest.approx(TaskMemoryConfig().position_limit_ms)

@@ -21,16 +21,17 @@ from control.joints import (
     WHEEL_SLICE,
 )
 from control.robot_model import GRAVITY_MPS2, RobotModel
+from control.timing import CONTROL_PERIOD_S, TICK_S
 from control.types import BaseState, SensorFrame
 from control.whole_body.arm import ArmConfig, ArmControl
-from control.whole_body.controller import CONTROL_PERIOD_S, ControllerInput
+from control.whole_body.controller import ControllerInput
 from control.whole_body.legs import LegConfig, LegControl, LegTargets
 from control.whole_body.model_based import ModelBasedController
 from control.whole_body.reference_correction import NO_CORRECTION, ReferenceCorrection
 from control.whole_body.stance import Stance, StanceConfig
 from control.whole_body.wheels import WheelConfig, WheelControl
 from sim.backends.simulation.wrenches import Spring
-from sim.runtime.session import Session
+from sim.runtime.simulation import Simulation
 
 LATERAL = np.array([0.18, -0.18, 0.18, -0.18])
 EVEN = LegTargets(NOMINAL_POSITION[LEG_SLICE], np.zeros(4), 1.0)
@@ -138,8 +139,9 @@ def test_before_contact_a_force_axis_approaches_instead_of_pushing(model):
     assert hand_velocity == pytest.approx([0.0, 0.0, -config.approach_speed_limit_mps], abs=0.05)
 
 
+@pytest.mark.slow
 def test_in_closed_loop_a_force_that_meets_nothing_leaves_the_hand_at_the_border_of_the_workspace():
-    session = Session()
+    session = Simulation()
     run(session, replace(DEFAULT_COMMAND, mask=np.array([0.0, 1.0, 0.0]), force_n=np.array([0.0, -20.0, 0.0])), 3.0)
     hand = true_hand_in_heading(session)
     assert hand[1] == pytest.approx(CommandLimits().position_y_m[1], abs=0.03)
@@ -311,13 +313,12 @@ def test_targets_are_a_fresh_array_and_repeat_after_reset(model):
 
 
 def run(session, command, seconds):
-    for _ in range(round(seconds / 0.002)):
+    for _ in range(round(seconds / TICK_S)):
         session.tick(command)
 
 
 def true_state(session):
     truth = session.truth()
-    assert truth is not None
     return truth
 
 
@@ -326,8 +327,9 @@ def true_hand_in_heading(session):
     return (truth.end_effector_position - truth.base_position * [1.0, 1.0, 0.0]) @ truth.rotation_heading_to_world
 
 
+@pytest.mark.slow
 def test_in_closed_loop_the_hand_settles_and_a_spring_is_pressed_with_the_commanded_force():
-    session = Session()
+    session = Simulation()
     target = replace(DEFAULT_COMMAND, position_m=np.array([0.5, 0.12, 0.5]))
     run(session, target, 2.0)
     assert np.linalg.norm(true_hand_in_heading(session) - target.position_m) < 0.015
@@ -341,8 +343,9 @@ def test_in_closed_loop_the_hand_settles_and_a_spring_is_pressed_with_the_comman
     assert np.linalg.norm(error[:2]) < 0.015
 
 
+@pytest.mark.slow
 def test_in_closed_loop_the_robot_drives_and_turns_and_stops():
-    session = Session()
+    session = Simulation()
     run(session, replace(DEFAULT_COMMAND, base_velocity=np.array([0.4, 0.0, 0.3])), 2.5)
     truth = true_state(session)
     forward = truth.base_linear_velocity @ truth.rotation_heading_to_world[:, 0]
@@ -353,8 +356,9 @@ def test_in_closed_loop_the_robot_drives_and_turns_and_stops():
     assert np.linalg.norm(true_state(session).base_linear_velocity[:2]) < 0.05
 
 
+@pytest.mark.slow
 def test_in_closed_loop_the_robot_stands_up_again_after_the_e_stop():
-    session = Session()
+    session = Simulation()
     run(session, DEFAULT_COMMAND, 0.4)
     session.estop()
     run(session, DEFAULT_COMMAND, 0.7)

@@ -10,6 +10,7 @@ from sim.benchmarks.estimator_scores import Scores
 from sim.benchmarks.estimator_trials import draw_plan, watch
 from sim.trials.rollout_runner import RolloutRunner
 
+pytestmark = pytest.mark.slow
 SAME = tuple(replace(original, name=f"{original.name}: same") for original in (GMO_CQP, ADAPTIVE))
 
 

@@ -10,7 +10,7 @@ from sim.benchmarks.estimator import cell_plans, parse
 from sim.benchmarks.estimator_plots import plot_bars, plot_force_over_time
 from sim.benchmarks.estimator_rows import Cell, cell_bars, cell_rows, coverage_bars
 from sim.benchmarks.estimator_scores import Scores
-from sim.benchmarks.estimator_trials import Trial, draw_plan, run_trial
+from sim.benchmarks.estimator_trials import RolloutTrial, draw_plan, run_trial
 from sim.trials.rollout_runner import ATTEMPTS, RejectedError, RolloutRunner
 
 CELL = Cell("hold", 0.8, per_link=False)
@@ -21,9 +21,9 @@ def scores(error: list[float], sigma: float = float("nan")) -> Scores:
     return Scores(np.tile(error, (5, 1)), np.full((5, 3), sigma))
 
 
-def trial(rejected: tuple[str, ...] = (), **by_name: Scores) -> Trial:
+def trial(rejected: tuple[str, ...] = (), **by_name: Scores) -> RolloutTrial:
     lag_only = {"gmo_cqp": 4.0, "adaptive": 0.5, "hybrid": 0.5}
-    return Trial(PLAN, rejected, by_name, np.zeros((5, 3)), 10.0, 15.0, {name: lag_only[name] for name in by_name})
+    return RolloutTrial(PLAN, rejected, by_name, np.zeros((5, 3)), 10.0, 15.0, {name: lag_only[name] for name in by_name})
 
 
 def test_rows_hold_rmse_spread_and_ratio() -> None:
@@ -109,6 +109,7 @@ def test_rejected_rollouts_are_drawn_again_and_counted(monkeypatch: pytest.Monke
     assert seeds == [PLAN.seed, PLAN.seed + 1, PLAN.seed + 2]
 
 
+@pytest.mark.slow
 def test_a_trial_scores_every_estimator_against_the_force_that_acted(tmp_path: Path) -> None:
     result = run_trial(PLAN)
     assert {"gmo_pi", "gmo_cqp", "adaptive"} <= set(result.scores)

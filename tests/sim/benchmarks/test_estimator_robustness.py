@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from control.estimation.momentum_observer import PAPER_GAINS
-from control.pipeline import TICK_S
-from sim.benchmarks.estimator_panel import PERIOD_S, SAMPLE_TICKS
+from control.timing import CONTROL_PERIOD_S, SLOT_COUNT, TICK_S
 from sim.benchmarks.estimator_robustness import case_rows
 from sim.benchmarks.estimator_robustness_trials import (
     CASES,
@@ -24,26 +23,27 @@ from sim.benchmarks.estimator_scores import lag_only_error
 from sim.benchmarks.estimator_trials import draw_plan
 from sim.trials.rollout_runner import RolloutRunner
 
+pytestmark = pytest.mark.slow
 NUMBER = {case.name: number for number, case in enumerate(CASES)}
 
 
 def test_recovery_of_the_paper_observer_is_that_of_its_transfer_function() -> None:
     force = np.zeros((2000, 3))
     force[:, 2] = STEP_N
-    error = lag_only_error(force, PAPER_GAINS, TICK_S)[::SAMPLE_TICKS]
+    error = lag_only_error(force, PAPER_GAINS, TICK_S)[::SLOT_COUNT]
     # 1 - y(t) = exp(-z w t) (cos d t + z / sqrt(1 - z^2) sin d t), the step response of a second-order lag.
-    time, zeta, omega = PERIOD_S * np.arange(200), PAPER_GAINS.damping_ratio, PAPER_GAINS.natural_frequency
+    time, zeta, omega = CONTROL_PERIOD_S * np.arange(200), PAPER_GAINS.damping_ratio, PAPER_GAINS.natural_frequency
     damped = omega * np.sqrt(1.0 - zeta**2)
     left = np.exp(-zeta * omega * time) * (np.cos(damped * time) + zeta * omega / damped * np.sin(damped * time))
-    expected = time[np.flatnonzero(np.abs(left) > RECOVERED_N / STEP_N)[-1]] + PERIOD_S
-    assert recovery_time(error) == pytest.approx(expected, abs=1.5 * PERIOD_S)
+    expected = time[np.flatnonzero(np.abs(left) > RECOVERED_N / STEP_N)[-1]] + CONTROL_PERIOD_S
+    assert recovery_time(error) == pytest.approx(expected, abs=1.5 * CONTROL_PERIOD_S)
 
 
 def test_recovery_needs_to_last() -> None:
     error = np.zeros((10, 3))
     assert recovery_time(error) == 0.0
     error[6, 1] = 1.1 * RECOVERED_N
-    assert recovery_time(error) == pytest.approx(7 * PERIOD_S)
+    assert recovery_time(error) == pytest.approx(7 * CONTROL_PERIOD_S)
     error[9, 0] = -1.1 * RECOVERED_N
     assert recovery_time(error) is None
 
@@ -77,7 +77,7 @@ def test_the_robot_drives_up_the_slope() -> None:
 def test_bumps_lift_wheels() -> None:
     plan, case = draw_plan(3, 0, "slow", 1.0, (), 4.0), CASES[NUMBER["a wheel lifted"]]
     runner = RolloutRunner(plan, plan.seed, case.scene(), forward)
-    lifted = [case.is_scored(runner.backend) for tick in runner.ticks() if tick.index % SAMPLE_TICKS == 0]
+    lifted = [case.is_scored(runner.backend) for tick in runner.ticks() if tick.index % SLOT_COUNT == 0]
     assert not any(lifted[5:75])  # stands, then drives on the flat
     assert sum(lifted[75:]) > 10
 

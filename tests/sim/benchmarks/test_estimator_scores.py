@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from control.estimation.momentum_observer import FAST_GAINS, PAPER_GAINS, SLOPE_GAINS, ObserverGains
-from control.pipeline import TICK_S
+from control.timing import TICK_S
 from sim.benchmarks.estimator_scores import Scores, coverage, lag_only_error, mean_and_deviation
 
 

@@ -3,11 +3,15 @@
 import numpy as np
 import pytest
 
+from control.pipeline import PipelineConfig
 from sim.benchmarks.box_drag import summary as box_summary
-from sim.benchmarks.policy import LEVELS_N, Piece, cases, mask_rows, pieces, play, summary
+from sim.benchmarks.box_drag import trial_row
+from sim.benchmarks.policy import LEVELS_N, Piece, case_rows, cases, pieces, play
 from sim.benchmarks.policy_guidance import guidance_bars
+from sim.trials.box_drag import DragResult
 from sim.trials.guidance_trials import LeadResult
-from sim.trials.policy_trials import DragResult, Errors, TrialSetup, controller_setups
+from sim.trials.random_commands import Errors
+from sim.trials.trial import TrialSetup, controller_setups
 
 
 def one_sample(mask: str, level: float, error: float) -> Errors:
@@ -33,14 +37,29 @@ def test_pieces_add_up_to_rows_per_mask_and_level():
     assert (total.falls, total.pushes, total.robot_minutes) == (3, 6, 1.5)
     assert total.force_at(10.0).shape == (2, 3)
     assert total.force_at(20.0).shape == (0, 3)
-    low, high = mask_rows("model_based", total)
-    assert (low["case"], high["case"]) == ("mask 001 at 10 N", "mask 110 at 30 N")
-    assert low["rmse_force_z_n"] == pytest.approx(np.sqrt(5.0))
-    assert np.isnan(float(low["rmse_force_x_n"] or np.nan))
-    row = summary("random", TrialSetup(), total)
-    assert row["rmse_force_30n_n"] == pytest.approx(2.0)
+    rows = case_rows("random", TrialSetup(), total)
+    assert [(row["mask"], row["force_level_n"]) for row in rows] == [("any", 10.0), ("any", 30.0), ("001", 10.0), ("110", 30.0)]
+    assert rows[0]["rmse_force_n"] == pytest.approx(np.sqrt(5.0))
+    assert rows[2]["rmse_force_z_n"] == pytest.approx(np.sqrt(5.0))
+    assert np.isnan(float(rows[2]["rmse_force_x_n"] or np.nan))
+    assert rows[3]["rmse_force_n"] == pytest.approx(2.0)
+    contract = {"controller", "estimator", "mask", "force_level_n", "mass_scale", "rmse_velocity_mps", "rmse_yaw_rps"}
+    contract |= {"settled_position_cm", "rmse_force_n", "falls", "robot_minutes"}
+    assert all(contract <= row.keys() for row in rows)
 
 
+def test_every_trial_runs_the_stack_that_ships():
+    assert TrialSetup().estimator == PipelineConfig().estimator
+    rows = [
+        trial_row(TrialSetup(), 3, DragResult(1.0, 2.0, -0.2, 0.2, True)),
+        *case_rows("random", TrialSetup(), one_sample("001", 10.0, 1.0)),
+    ]
+    assert {row["estimator"] for row in rows} == {PipelineConfig().estimator}
+    contract = ("controller", "estimator", "mass_scale", "trial", "e_y_n", "e_z_n", "y_min_m", "y_max_m")
+    assert tuple(rows[0])[: len(contract)] == contract
+
+
+@pytest.mark.slow
 def test_a_piece_with_pushes_counts_them_and_judges_by_truth():
     piece, errors = play(Piece("pushes", TrialSetup(push_n=15.0), 3, 0.02))
     assert piece.case == "pushes"
@@ -66,6 +85,6 @@ def test_a_controller_that_is_heavier_to_lead_on_average_misses_the_bar():
 
 
 def test_box_rows_tell_lost_contact():
-    row = box_summary("policy", 1.0, [DragResult(1.0, 2.0, -0.2, 0.2, True), DragResult(2.0, 2.0, -0.1, 0.3, False)])
-    assert (row["error_y_n"], row["contact_lost"], row["trials"]) == (1.5, 1, 2)
-    assert row["error_y_std_n"] == pytest.approx(np.sqrt(0.5))
+    row = box_summary(TrialSetup("policy"), [DragResult(1.0, 2.0, -0.2, 0.2, True), DragResult(2.0, 2.0, -0.1, 0.3, False)])
+    assert (row["e_y_n"], row["contact_lost"], row["trials"]) == (1.5, 1, 2)
+    assert row["e_y_sd_n"] == pytest.approx(np.sqrt(0.5))

@@ -1,13 +1,21 @@
-"""Fixtures around the lockstep rig."""
+"""Fixtures around the lockstep rig, and a network for those who need one."""
 
 from collections.abc import Callable, Iterator
 
 import numpy as np
 import pytest
-from hardware_rig import Rig
 
 from control.joints import DAMPING, NOMINAL_POSITION, STIFFNESS
 from control.types import JointCommand
+from tests.dds_domain import dds_domain
+from tests.sim.hardware.hardware_rig import Rig
+
+
+@pytest.fixture
+def domain() -> Iterator[int]:
+    """DDS domain of this test alone."""
+    with dds_domain() as domain:
+        yield domain
 
 
 @pytest.fixture

@@ -10,6 +10,7 @@ import time
 import numpy as np
 
 from control.joints import DAMPING, NOMINAL_POSITION, STIFFNESS
+from control.timing import TICK_S
 from control.types import JointCommand
 from sim.backends.hardware.backend import HardwareBackend
 from sim.backends.hardware.config import HardwareConfig
@@ -37,7 +38,7 @@ def main() -> None:
             state = status.state
             sys.stdout.write(f"{state.name} {backend.io_pid} {status.message}\n")
             sys.stdout.flush()
-        time.sleep(0.002)
+        time.sleep(TICK_S)
 
 
 main()

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 
 from control.robot_model import RobotModel
+from control.timing import TICK_S
 from control.types import JointCommand
 from sim.backends.hardware.config import HardwareConfig
 from sim.backends.hardware.io.motions import MotionConfig
@@ -62,7 +63,7 @@ class Rig:
 
     def tick(self) -> None:
         if self.emulator.faults.kill:
-            self._start_s += 0.002
+            self._start_s += TICK_S
         else:
             self.emulator.step()
         fresh = self.robot.poll(self.now)
@@ -73,11 +74,11 @@ class Rig:
 
     def run(self, seconds: float, until: Callable[[], bool] = lambda: False) -> int:
         """Ticks until `until()` or the time is over; returns the number of ticks."""
-        for tick in range(round(seconds / 0.002)):
+        for tick in range(round(seconds / TICK_S)):
             self.tick()
             if until():
                 return tick + 1
-        return round(seconds / 0.002)
+        return round(seconds / TICK_S)
 
     def ask(self, request: Request, seconds: float = 10.0, until: DriveState | None = None) -> None:
         self.request, self.sequence = request, self.sequence + 1

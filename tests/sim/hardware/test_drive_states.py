@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hardware_rig import Rig
 
 from control.joints import ARM_SLICE, LEG_SLICE, NOMINAL_POSITION, TORQUE_LIMIT, WHEEL_SLICE
 from control.types import JointCommand
@@ -13,6 +12,7 @@ from sim.backends.hardware.states import ALLOWED_FROM, DriveState, Request, Trip
 from sim.backends.unitree.motors import SLOT_OF_JOINT, UNUSED_SLOTS, used_slots
 from sim.backends.unitree.rpc import RpcResponse
 from sim.backends.z1.frames import ArmMode
+from tests.sim.hardware.hardware_rig import Rig
 
 
 def test_nothing_is_published_before_the_motors_are_ours(make_rig: Callable[..., Rig]) -> None:
@@ -53,8 +53,9 @@ def test_an_answer_that_names_no_owner_is_no_release(
     rig = make_rig(mode="normal")
     rig.run(0.05)
     monkeypatch.setattr(rig.emulator.base, "_answer", lambda call: RpcResponse(call.service, call.id, call.api_id, code, data))
-    rig.ask(Request.ENGAGE, seconds=6.0)
-    assert rig.state == DriveState.OBSERVE and rig.wire.log == []
+    rig.ask(Request.ENGAGE, seconds=0.01)
+    rig.run(6.0, lambda: not rig.supervisor.engaging)
+    assert rig.state == DriveState.OBSERVE and rig.wire.log == [] and not rig.supervisor.engaging
     assert says in rig.supervisor.message
 
 

@@ -3,10 +3,10 @@
 import json
 
 import pytest
-from hardware_rig import Rig
 
 from sim.backends.unitree.rpc import MOTION_SWITCHER, MotionSwitcherApi, RpcRequest
 from sim.emulator.orders import obey
+from tests.sim.hardware.hardware_rig import Rig
 
 
 def refuse(_: str) -> None:

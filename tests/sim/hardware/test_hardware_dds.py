@@ -1,6 +1,5 @@
 """The drivers against the emulated robot over real DDS and UDP, on loopback and in lockstep: no clock decides anything."""
 
-import os
 import subprocess
 import sys
 import time
@@ -9,10 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
-from sim.emulator.process import free_udp_port
-
-pytest.importorskip("cyclonedds", reason="extra 'hardware' is not installed")
 
 from control.joints import DAMPING, NOMINAL_POSITION, STIFFNESS
 from control.types import JointCommand
@@ -25,20 +20,20 @@ from sim.backends.unitree.dds import DdsBaseLink, DdsConfig, RobotNetworkError
 from sim.backends.unitree.mode_release import ModeRelease
 from sim.backends.z1.driver import Z1Config
 from sim.emulator.physics import CROUCH
+from sim.emulator.process import free_udp_port
 
 ROOT = Path(__file__).resolve().parents[3]
 PATIENCE_S = 30.0
-DOMAIN = 100 + os.getpid() % 100
 
 
 @pytest.fixture
-def robot() -> Iterator[tuple[Robot, subprocess.Popen[str]]]:
+def robot(domain: int) -> Iterator[tuple[Robot, subprocess.Popen[str]]]:
     """Drivers here, `python -m sim.emulator --lockstep` in a process of its own."""
     port = free_udp_port()
-    command = [sys.executable, "-m", "sim.emulator", "--lockstep", "--domain", str(DOMAIN), "--arm-port", str(port)]
+    command = [sys.executable, "-m", "sim.emulator", "--lockstep", "--domain", str(domain), "--arm-port", str(port)]
     emulator = subprocess.Popen(command, cwd=ROOT, stdin=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     arm = Z1Config("127.0.0.1", port, port + 1, gain_ramp_s=0.2)
-    robot = Robot(DdsBaseLink(DdsConfig(DOMAIN)), arm, HardwareLimits(), dry_run=False, echo_tick=True)
+    robot = Robot(DdsBaseLink(DdsConfig(domain)), arm, HardwareLimits(), dry_run=False, echo_tick=True)
     yield robot, emulator
     robot.close()
     emulator.kill()
@@ -83,6 +78,7 @@ def drive(robot: Robot, goal: np.ndarray, steps: int) -> list[np.ndarray]:
     return measured
 
 
+@pytest.mark.hardware
 def test_lockstep_over_dds_answers_every_state(robot: tuple[Robot, subprocess.Popen[str]]) -> None:
     driver, emulator = robot
     release(driver)
@@ -99,6 +95,7 @@ def test_lockstep_over_dds_answers_every_state(robot: tuple[Robot, subprocess.Po
     assert emulator.wait(PATIENCE_S) == 137
 
 
+@pytest.mark.hardware
 def test_a_second_writer_shows_up_by_count_and_by_traffic(robot: tuple[Robot, subprocess.Popen[str]]) -> None:
     driver, emulator = robot
     release(driver)
@@ -126,14 +123,16 @@ def test_nonsense_networks_are_refused(options: dict[str, object]) -> None:
         DdsConfig(**options)  # type: ignore[arg-type]
 
 
+@pytest.mark.hardware
 def test_another_version_of_the_library_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     assert unavailable_because() is None
     monkeypatch.setattr("sim.backends.unitree.dds.metadata.version", lambda name: "0.10.5")
     assert "needs cyclonedds 11.0.1" in str(unavailable_because()) and "found 0.10.5" in str(unavailable_because())
     with pytest.raises(BackendError, match="pip install"):
-        DdsBaseLink(DdsConfig(DOMAIN))
+        DdsBaseLink(DdsConfig())
 
 
-def test_an_interface_that_does_not_exist_is_named() -> None:
+@pytest.mark.hardware
+def test_an_interface_that_does_not_exist_is_named(domain: int) -> None:
     with pytest.raises(BackendError, match="nosuch0"):
-        DdsBaseLink(DdsConfig(domain=DOMAIN + 1, interface="nosuch0", allow_robot=True))
+        DdsBaseLink(DdsConfig(domain, "nosuch0", allow_robot=True))

@@ -7,17 +7,16 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hardware_rig import Rig
 
 from control.joints import JOINT_NAMES, TORQUE_LIMIT
+from control.timing import TICK_S
 from control.types import JointCommand
 from sim.backends.hardware.io.loop import IoLoop
 from sim.backends.hardware.records import IoMemory
 from sim.backends.hardware.states import DriveState, Request, Trip
 from sim.emulator.base_board import COMMAND_TIMEOUT_S
 from sim.emulator.faults import Faults
-
-TICK_S = 0.002
+from tests.sim.hardware.hardware_rig import Rig
 
 
 @pytest.fixture

@@ -15,9 +15,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from hardware_rig import BRISK
-
-pytest.importorskip("cyclonedds", reason="extra 'hardware' is not installed")
 
 from sim.backends.hardware.backend import HardwareBackend
 from sim.backends.hardware.config import HardwareConfig
@@ -31,11 +28,13 @@ from sim.backends.z1.driver import Z1Config
 from sim.emulator.arm_controller import ArmPorts
 from sim.emulator.emulator import Emulator, EmulatorConfig
 from sim.emulator.process import free_udp_port
+from tests.sim.hardware.hardware_rig import BRISK
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[2]
 PATIENCE_S = 40.0
-DOMAIN = 100 + (os.getpid() + 50) % 100
+
+pytestmark = [pytest.mark.hardware, pytest.mark.realtime]
 
 
 def wait_for(condition: Callable[[], bool]) -> None:
@@ -48,9 +47,9 @@ def wait_for(condition: Callable[[], bool]) -> None:
 class Stage:
     """Emulator in a thread of the test, I/O process and control stand-in in processes of their own."""
 
-    def __init__(self) -> None:
+    def __init__(self, domain: int) -> None:
         port = free_udp_port()
-        self.emulator = Emulator(EmulatorConfig(mode="", arm=ArmPorts(port, port + 1)), DdsRobotLink(DdsConfig(DOMAIN)))
+        self.emulator = Emulator(EmulatorConfig(mode="", arm=ArmPorts(port, port + 1)), DdsRobotLink(DdsConfig(domain)))
         self._thread = threading.Thread(target=self.emulator.run_realtime)
         self._thread.start()
         # On a loaded machine the emulated world is slower than the wall clock by which the I/O process moves it.
@@ -69,7 +68,7 @@ class Stage:
         )
         arm = Z1Config("127.0.0.1", port, port + 1, gain_ramp_s=0.2)
         motion = replace(BRISK, reached_rad=9.0)
-        self.config = HardwareConfig(DdsConfig(DOMAIN), arm, wide, motion, dry_run=False)
+        self.config = HardwareConfig(DdsConfig(domain), arm, wide, motion, dry_run=False)
         self.control: subprocess.Popen[str] | None = None
         self.io_pid = 0
 
@@ -131,21 +130,14 @@ class Stage:
         if self.control is not None:
             self.control.kill()
             self.control.communicate()
-        try:
-            newest = IoMemory(memory_path(self.config)).state.read()
-            if newest is not None:
-                os.kill(int(newest[0]["pid"]), signal.SIGKILL)
-            memory_path(self.config).unlink()
-        except (BackendError, ProcessLookupError, FileNotFoundError):
-            pass
         self.emulator.faults.kill = True
         self._thread.join()
         self.emulator.close()
 
 
 @pytest.fixture
-def stage() -> Iterator[Stage]:
-    stage = Stage()
+def stage(domain: int) -> Iterator[Stage]:
+    stage = Stage(domain)
     yield stage
     stage.close()
 

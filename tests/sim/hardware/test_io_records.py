@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hardware_rig import Rig
 
 from sim.backends.hardware.config import HardwareConfig
 from sim.backends.hardware.io.loop import HEALTH_EVERY, IoLoop
@@ -19,6 +18,7 @@ from sim.backends.hardware.status import HardwareStatus, status_from_record
 from sim.backends.protocol import BackendError
 from sim.backends.unitree.dds import DdsConfig, RobotNetworkError
 from sim.backends.z1.driver import Z1Config
+from tests.sim.hardware.hardware_rig import Rig
 
 ROOT = Path(__file__).resolve().parents[3]
 

@@ -7,11 +7,14 @@ from typing import Any
 
 import pytest
 
-pytest.importorskip("cyclonedds", reason="extra 'hardware' is not installed")
+from sim.backends.unitree.dds import INSTALL_HINT
+
+pytest.importorskip("cyclonedds", reason=INSTALL_HINT)
 
 from sim.backends.unitree import idl
 from sim.backends.unitree.messages import LowState
 
+pytestmark = pytest.mark.hardware
 GOLDEN = json.loads((Path(__file__).parent / "golden" / "unitree.json").read_text())
 KINDS = {"LowCmd_": idl.LowCmd_, "LowState_": idl.LowState_, "Request_": idl.Request_, "Response_": idl.Response_}
 

@@ -21,10 +21,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-pytest.importorskip("cyclonedds", reason="extra 'hardware' is not installed")
+from sim.backends.unitree.dds import INSTALL_HINT, DdsBaseLink, DdsConfig, DdsRobotLink
+
+pytest.importorskip("cyclonedds", reason=INSTALL_HINT)
 
 from sim.backends.unitree import idl
-from sim.backends.unitree.dds import DdsBaseLink, DdsConfig, DdsRobotLink
 from sim.backends.unitree.driver import BaseDriver
 from sim.backends.unitree.messages import LowCommand, LowState
 from sim.backends.unitree.mode_release import ModeRelease
@@ -37,8 +38,6 @@ GOLDEN = json.loads((HERE / "golden" / "unitree.json").read_text())
 ROOT = HERE.parents[2]
 PATIENCE_S = 40.0
 CONNECTIONS = 20
-DOMAIN = 10 + os.getpid() % 80
-"""Apart from the domains of the other tests, which count from 100."""
 
 
 def why_not() -> str | None:
@@ -51,7 +50,7 @@ def why_not() -> str | None:
 
 
 WHY_NOT = why_not()
-pytestmark = pytest.mark.skipif(WHY_NOT is not None, reason=str(WHY_NOT))
+pytestmark = [pytest.mark.hardware, pytest.mark.skipif(WHY_NOT is not None, reason=str(WHY_NOT))]
 
 
 def wait_for(condition: Callable[[], Any]) -> None:
@@ -64,13 +63,13 @@ def wait_for(condition: Callable[[], Any]) -> None:
 class Peer:
     """The program `peer` in a process of its own."""
 
-    def __init__(self, program: Path, role: str) -> None:
+    def __init__(self, program: Path, domain: int, role: str) -> None:
         self.process = subprocess.Popen(
-            [program, str(DOMAIN), role],
+            [program, str(domain), role],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,
-            env=os.environ | {"CYCLONEDDS_URI": DdsConfig(DOMAIN).xml},
+            env=os.environ | {"CYCLONEDDS_URI": DdsConfig(domain).xml},
         )
 
     def heard(self) -> dict[str, Any]:
@@ -100,11 +99,11 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def start(built: Path) -> Iterator[Callable[[str], Peer]]:
+def start(built: Path, domain: int) -> Iterator[Callable[[str], Peer]]:
     peers = []
 
     def start(role: str) -> Peer:
-        peers.append(Peer(built / "peer", role))
+        peers.append(Peer(built / "peer", domain, role))
         return peers[-1]
 
     yield start
@@ -114,12 +113,12 @@ def start(built: Path) -> Iterator[Callable[[str], Peer]]:
 
 
 @pytest.fixture
-def drive() -> Iterator[Callable[..., subprocess.Popen[str]]]:
+def drive(domain: int) -> Iterator[Callable[..., subprocess.Popen[str]]]:
     """Start driver_stand_in.py."""
     drivers = []
 
     def drive(connections: int, *types: Path) -> subprocess.Popen[str]:
-        command = [sys.executable, HERE / "driver_stand_in.py", str(DOMAIN), str(connections), *types]
+        command = [sys.executable, HERE / "driver_stand_in.py", str(domain), str(connections), *types]
         environment = os.environ | {"PYTHONPATH": str(ROOT)}
         drivers.append(subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment))
         return drivers[-1]
@@ -139,9 +138,9 @@ def test_the_peer_is_built_from_the_vendor_types(built: Path, name: str) -> None
     assert "".join(re.findall("0x(..)", found[1])) == GOLDEN["type_info_cpp"][name]
 
 
-def test_a_robot_on_the_vendor_version(start: Callable[[str], Peer]) -> None:
+def test_a_robot_on_the_vendor_version(start: Callable[[str], Peer], domain: int) -> None:
     peer = start("robot")
-    driver = BaseDriver(DdsBaseLink(DdsConfig(DOMAIN)), echo_tick=True)
+    driver = BaseDriver(DdsBaseLink(DdsConfig(domain)), echo_tick=True)
     wait_for(lambda: driver.poll(0.0))
     reading = driver.reading
     assert reading is not None and driver.bad_samples == 0
@@ -180,8 +179,8 @@ def test_a_robot_on_the_vendor_version(start: Callable[[str], Peer]) -> None:
     assert peer.close() == 0
 
 
-def test_a_program_on_the_vendor_version(start: Callable[[str], Peer]) -> None:
-    link = DdsRobotLink(DdsConfig(DOMAIN))
+def test_a_program_on_the_vendor_version(start: Callable[[str], Peer], domain: int) -> None:
+    link = DdsRobotLink(DdsConfig(domain))
     peer = start("program")
     received: list[bytes] = []
 
@@ -212,7 +211,7 @@ def test_a_program_on_the_vendor_version(start: Callable[[str], Peer]) -> None:
 
 
 def test_the_peer_outlives_our_coming_and_going(
-    start: Callable[[str], Peer], drive: Callable[..., subprocess.Popen[str]]
+    start: Callable[[str], Peer], drive: Callable[..., subprocess.Popen[str]], domain: int
 ) -> None:
     peer = start("robot")
     visitor = drive(CONNECTIONS)
@@ -223,7 +222,7 @@ def test_the_peer_outlives_our_coming_and_going(
     watchdog.cancel()
     assert lines == [*map(str, range(1, CONNECTIONS + 1)), "staying"]
     visitor.kill()
-    last = BaseDriver(DdsBaseLink(DdsConfig(DOMAIN)))
+    last = BaseDriver(DdsBaseLink(DdsConfig(domain)))
     before = peer.heard()["sound"]
 
     def heard() -> bool:

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 import pytest
 
+from control.timing import TICK_S
 from sim.backends.protocol import BackendError
 from sim.backends.z1.driver import Z1Config, Z1Driver
 from sim.backends.z1.frames import (
@@ -91,7 +92,7 @@ def obeyed(controller: ArmController) -> np.ndarray:
 
 
 def exchange(driver: Z1Driver, controller: ArmController, body: StillBody, command: np.ndarray) -> None:
-    body.time_s += 0.002
+    body.time_s += TICK_S
     controller.publish()
     assert driver.poll(body.time_s)
     driver.write(body.time_s, command)

@@ -12,7 +12,7 @@ from control.joints import JOINT_COUNT, LEG_SLICE
 from control.pipeline import PipelineConfig
 from control.policy.observation import EXTENDED_FORM, RESIDUAL_FORM, Observation
 from control.policy.policy_weights import PolicyManifest, interface, save_policy
-from sim.runtime.session import Session, SessionConfig
+from sim.runtime.simulation import Simulation, SimulationConfig
 from sim.runtime.snapshot import SNAPSHOT, Mode
 
 COMMAND = replace(
@@ -50,14 +50,14 @@ def correct(directory: Path) -> None:
     write_policy(directory, np.zeros((JOINT_COUNT, OBSERVATION.size)), np.linspace(-0.2, 0.2, JOINT_COUNT), RESIDUAL_FORM)
 
 
-def moving(policies: Path) -> Session:
+def moving(policies: Path) -> Simulation:
     pipeline = PipelineConfig(controller="model_based", policies=policies)
-    session = Session(SessionConfig(seed=3, pipeline=pipeline))
+    session = Simulation(SimulationConfig(seed=3, pipeline=pipeline))
     torques(session, 500)
     return session
 
 
-def torques(session: Session, ticks: int) -> np.ndarray:
+def torques(session: Simulation, ticks: int) -> np.ndarray:
     """The part (ticks, 22) of the joint torques, N m, that the command and not the motion decides."""
     commands = [session.tick(COMMAND).joint_command for _ in range(ticks)]
     return np.array([each.stiffness * each.position + each.damping * each.velocity + each.torque for each in commands])
@@ -76,7 +76,7 @@ def test_swapping_controllers_in_motion_is_no_jolt(
     for name in names:
         session.select_controller(name)
         # The blend; what a policy that cannot drive does afterwards is its own.
-        told.append(torques(session, round(session.config.pipeline.safety.handover_s * 500)))
+        told.append(torques(session, round(session.pipeline.config.safety.handover_s * 500)))
         assert session.mode is Mode.RUNNING
     steps = np.abs(np.diff(np.concatenate(told), axis=0))[:, LEG_SLICE]
     assert steps.max() < JOLT_NM

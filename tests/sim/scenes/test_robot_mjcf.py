@@ -16,11 +16,13 @@ from control.joints import (
     STIFFNESS,
     TORQUE_LIMIT,
     WHEEL_CENTER_FRAMES,
+    WHEEL_FRICTION,
     WHEEL_HALF_WIDTH_M,
     WHEEL_JOINT_NAMES,
     WHEEL_RADIUS_M,
 )
 from control.paths import ROBOT_MJCF
+from control.timing import TICK_S
 from sim import scenes
 from sim.backends.simulation.ground_truth import GroundTruthReader
 from sim.backends.simulation.wrenches import Pulse
@@ -49,6 +51,7 @@ def test_wheels_are_ellipsoids_of_the_stated_size_and_alone_set_the_ground_frict
         np.testing.assert_array_equal(geom.size, [WHEEL_RADIUS_M, WHEEL_HALF_WIDTH_M, WHEEL_RADIUS_M])
         np.testing.assert_array_equal(geom.pos, robot.site(frame).pos)
         assert geom.priority[0] == 1
+        assert geom.friction[0] == WHEEL_FRICTION
 
 
 def test_nominal_posture_is_within_joint_limits_and_level(robot, standing):
@@ -59,6 +62,7 @@ def test_nominal_posture_is_within_joint_limits_and_level(robot, standing):
     np.testing.assert_allclose(backend.truth().wheel_contact_positions[:, 2], 0.0, atol=2e-3)
 
 
+@pytest.mark.slow
 def test_reachable_arm_poses_do_not_touch_the_robot():
     """Permanent self-contact would push with forces that no estimator models; real collisions (head, trunk) are rare."""
     model = scenes.build("free").model
@@ -143,3 +147,7 @@ def test_force_reference_at_the_end_effector_reads_the_applied_force(standing):
     np.testing.assert_allclose(readings[0] - readings[1], [3.0, -4.0, 6.0], atol=0.1)
     heading = rotation_heading_to_world(backend.data.body("base").xmat.reshape(3, 3))
     np.testing.assert_allclose(heading @ backend.truth().force_true_n, [3.0, -4.0, 6.0], atol=1e-2)
+
+
+def test_the_simulation_steps_once_per_tick(robot):
+    assert robot.opt.timestep == TICK_S

@@ -8,11 +8,10 @@ import pytest
 
 from control.joints import STIFFNESS
 from control.paths import ROBOT_MJCF
+from control.timing import TICK_S
 from sim import scenes
 from sim.backends.simulation.wrenches import Pulse
 from sim.scenes import board, box, door, valve
-
-STEP_S = 0.002
 
 
 class Objects:
@@ -111,7 +110,7 @@ def test_box_answers_a_sine_force_with_the_amplitude_of_viscous_friction():
     omega = 2 * np.pi * 0.2
     travel = []
     for tick in range(5000):
-        objects.push("box_slide", 8.0 * np.cos(omega * tick * STEP_S), 1)
+        objects.push("box_slide", 8.0 * np.cos(omega * tick * TICK_S), 1)
         travel.append(objects.position("box_slide"))
     expected = 8.0 / (omega * np.hypot(box.SLIDE_DAMPING, box.MASS_KG * omega))
     assert 0.5 * (max(travel[2500:]) - min(travel[2500:])) == pytest.approx(expected, rel=0.02)

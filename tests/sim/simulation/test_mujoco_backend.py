@@ -8,14 +8,14 @@ import pytest
 
 from control.frames import rotation_from_quaternion, rotation_heading_to_world
 from control.joints import ARM_SLICE, JOINT_COUNT, JOINT_NAMES, NOMINAL_POSITION, TORQUE_LIMIT, WHEEL_SLICE
+from control.timing import TICK_S
 from control.types import JointCommand
 from sim.backends.protocol import BackendError
+from sim.backends.simulation.drag_spring import DRAG_LIMIT_N
 from sim.backends.simulation.mismatch import Mismatch
-from sim.backends.simulation.mujoco_backend import DRAG_LIMIT_N, MujocoBackend
+from sim.backends.simulation.mujoco_backend import MujocoBackend
 from sim.backends.simulation.sensors import SensorConfig
 from sim.backends.simulation.wrenches import Pulse
-
-STEP_S = 0.002
 
 
 def random_command(random: np.random.Generator) -> JointCommand:
@@ -36,7 +36,7 @@ def generalized_drive_force(backend: MujocoBackend, velocity_before: np.ndarray)
     mujoco.mj_fullM(model, data, mass)
     change = data.qvel - velocity_before
     damping_at_end = data.qfrc_passive - model.dof_damping * change
-    return mass @ change / STEP_S + data.qfrc_bias - damping_at_end - data.qfrc_constraint
+    return mass @ change / TICK_S + data.qfrc_bias - damping_at_end - data.qfrc_constraint
 
 
 def test_reported_torque_closes_the_momentum_balance_also_in_saturation(standing):
@@ -79,7 +79,7 @@ def test_accelerometer_integrates_to_the_velocity_of_the_imu(standing):
         backend.write(replace(command, velocity=np.full(JOINT_COUNT, 2.0)))
         frame = backend.read()
         specific_force = rotation_from_quaternion(frame.orientation_wxyz) @ frame.linear_acceleration
-        velocity += STEP_S * (specific_force - [0.0, 0.0, 9.81])
+        velocity += TICK_S * (specific_force - [0.0, 0.0, 9.81])
     site = backend.model.site("imu").id
     mujoco.mj_objectVelocity(backend.model, backend.data, mujoco.mjtObj.mjOBJ_SITE, site, twist, 0)
     assert np.abs(twist[3:]).max() > 0.05
@@ -159,7 +159,7 @@ def test_reset_repeats_exactly_and_another_seed_differs(standing):
     np.testing.assert_array_equal(run(), first)
     backend.reset(seed=6)
     assert np.abs(run() - first).max() > 1e-4
-    assert backend.time_s == pytest.approx(30 * STEP_S)
+    assert backend.time_s == pytest.approx(30 * TICK_S)
 
 
 def test_reset_ends_wrenches_and_keeps_the_mismatch(standing):

@@ -4,13 +4,14 @@ import mujoco
 import numpy as np
 import pytest
 
-from sim.backends.simulation.wrenches import MAX_SOURCES, BodyState, Pulse, Spring, WrenchSources
+from control.timing import TICK_S
+from sim.backends.simulation.applied_wrenches import MAX_SOURCES, AppliedWrenches
+from sim.backends.simulation.wrenches import BodyState, Pulse, Spring
 
-STEP_S = 0.002
 CENTER_OF_MASS = np.array([0.05, -0.02, 0.03])
-_FLOATING = """
+_FLOATING = f"""
 <mujoco>
-  <option timestep="0.002" gravity="0 0 0" integrator="implicitfast"/>
+  <option timestep="{TICK_S}" gravity="0 0 0" integrator="implicitfast"/>
   <worldbody>
     <body name="base" pos="0 0 5"><freejoint/><geom type="box" size=".2 .1 .05" mass="4"/></body>
     <body name="end_effector" pos="0 0 1">
@@ -30,7 +31,7 @@ class World:
         self.data = mujoco.MjData(self.model)
         self.body = self.model.body("end_effector").id
         mujoco.mj_forward(self.model, self.data)
-        self.sources = WrenchSources(self.model, self.data)
+        self.sources = AppliedWrenches(self.model, self.data)
 
     def run(self, ticks: int) -> np.ndarray:
         """Force (ticks, 3) applied on the end effector per tick."""
@@ -73,12 +74,12 @@ def test_a_floating_body_gains_exactly_the_impulse(world, duration_s, ramp_s):
 
 def test_the_moment_is_that_of_the_application_point(world):
     force, torque, arm = np.array([0.0, 4.0, 0.0]), np.array([0.01, 0.0, 0.02]), np.array([0.2, 0.0, 0.0])
-    world.sources.add(Pulse(force, duration_s=STEP_S, torque_nm=torque, frame="world", point_m=CENTER_OF_MASS + arm))
+    world.sources.add(Pulse(force, duration_s=TICK_S, torque_nm=torque, frame="world", point_m=CENTER_OF_MASS + arm))
     world.run(1)
     linear, angular = world.momentum()
     # The body has turned a little within the tick, hence the tolerance.
-    np.testing.assert_allclose(linear, force * STEP_S, atol=1e-5)
-    np.testing.assert_allclose(angular, (np.cross(arm, force) + torque) * STEP_S, atol=1e-6)
+    np.testing.assert_allclose(linear, force * TICK_S, atol=1e-5)
+    np.testing.assert_allclose(angular, (np.cross(arm, force) + torque) * TICK_S, atol=1e-6)
 
 
 def test_profile_integral_matches_quadrature():
@@ -90,8 +91,8 @@ def test_profile_integral_matches_quadrature():
 
 
 def test_sources_add_up_and_each_expires_by_itself(world):
-    first = Pulse(np.array([1.0, 0.0, 0.0]), duration_s=20 * STEP_S, frame="world")
-    second = Pulse(np.array([0.0, 2.0, 0.0]), duration_s=10 * STEP_S, frame="world")
+    first = Pulse(np.array([1.0, 0.0, 0.0]), duration_s=20 * TICK_S, frame="world")
+    second = Pulse(np.array([0.0, 2.0, 0.0]), duration_s=10 * TICK_S, frame="world")
     world.sources.add(first)
     before = world.run(5)
     world.sources.add(second)
@@ -122,7 +123,7 @@ def test_remove_ends_one_source_and_only_that(world):
     gone = world.sources.add(Pulse(np.array([0.0, 1.0, 0.0]), duration_s=1.0, frame="world"))
     world.run(3)
     assert [active.id for active in world.sources.list()] == [kept, gone]
-    assert world.sources.list()[0].remaining_s == pytest.approx(1.0 - 3 * STEP_S)
+    assert world.sources.list()[0].remaining_s == pytest.approx(1.0 - 3 * TICK_S)
     world.sources.remove(gone)
     np.testing.assert_array_equal(world.run(1)[0], [1.0, 0.0, 0.0])
     with pytest.raises(KeyError, match=str(gone)):
@@ -149,7 +150,7 @@ def test_spring_is_the_virtual_pd_force_of_the_paper():
     turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     state = BodyState(
         time_s=0.0,
-        period_s=STEP_S,
+        period_s=TICK_S,
         point=np.array([0.3, 0.2, 0.5]),
         velocity=np.array([0.1, -0.2, 0.3]),
         rotation_body_to_world=np.eye(3),
@@ -183,13 +184,13 @@ def test_stiff_spring_on_the_arm_stays_stable(standing, damping_ratio):
     for _ in range(1000):
         before = backend.truth().end_effector_position
         backend.write(command)
-        speed.append(np.abs(backend.truth().end_effector_position - before).max() / STEP_S)
+        speed.append(np.abs(backend.truth().end_effector_position - before).max() / TICK_S)
     assert max(speed[-100:]) < 0.05
     np.testing.assert_allclose(backend.truth().end_effector_position, anchor, atol=0.015)
 
 
 def test_a_spring_of_limited_duration_ends(world):
-    world.sources.add(Spring(np.array([1.0, 0.0, 1.0]), stiffness=1.0, damping=0.0, duration_s=4 * STEP_S))
+    world.sources.add(Spring(np.array([1.0, 0.0, 1.0]), stiffness=1.0, damping=0.0, duration_s=4 * TICK_S))
     forces = world.run(6)
     assert (forces[:4, 0] > 0.9).all()
     np.testing.assert_array_equal(forces[4:], 0.0)

@@ -38,6 +38,7 @@ def recordings() -> list[EstimatorRecording]:
     return result
 
 
+@pytest.mark.slow
 def test_fit_recovers_the_model():
     found = fit(recordings())
     assert found.natural_frequency_rps == pytest.approx(10.0, rel=0.15)

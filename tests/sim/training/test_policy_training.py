@@ -60,6 +60,7 @@ def test_run_keeps_and_exports_its_best_checkpoint(tmp_path: Path, scores: list[
     assert (tmp_path / "run" / "curves.png").is_file()
 
 
+@pytest.mark.slow
 def test_what_is_scored_is_the_running_average_of_what_learned(tmp_path: Path, scores: list[str]):
     training = PolicyTraining(tmp_path, replace(TINY, ppo_iterations=0, averaging=0.75))
     training.fit()
@@ -77,6 +78,7 @@ def test_what_is_scored_is_the_running_average_of_what_learned(tmp_path: Path, s
     assert all(torch.equal(tensor, again.averaged[name]) for name, tensor in training.averaged.items())
 
 
+@pytest.mark.slow
 def test_run_continues_where_it_was_cut_off(tmp_path: Path, scores: list[str]):
     first = PolicyTraining(tmp_path, replace(TINY, ppo_iterations=1))
     first.fit()

@@ -16,9 +16,10 @@ from control.policy.observation import RESIDUAL_FORM
 from control.policy.policy_controller import PolicyController
 from control.policy.policy_weights import PolicyManifest, interface, load_policy, save_policy
 from control.robot_model import RobotModel
+from control.timing import CONTROL_PERIOD_S
 from control.types import BaseState, SensorFrame
 from control.whole_body.arm import ArmConfig
-from control.whole_body.controller import CONTROL_PERIOD_S, ControllerInput
+from control.whole_body.controller import ControllerInput
 from control.whole_body.model_based import ModelBasedController
 from control.whole_body.task_signals import TASK_SIGNALS, task_signals
 from sim.training.batch_rotations import quaternions_from_rotations, rotate, rotate_back, solve_positive
@@ -150,7 +151,7 @@ def test_teacher_stands_drives_and_regulates_force_in_the_training_world():
 
 
 def test_low_pass_matches_its_step_response():
-    w, z, dt = 4.5, 0.67, 0.02
+    w, z, dt = 4.5, 0.67, CONTROL_PERIOD_S
     low_pass = LowPass((1,), w, z, dt)
     times = dt * np.arange(1, 101)
     response = np.array([low_pass.step(np.ones(1))[0] for _ in times])

@@ -11,6 +11,7 @@ CROUCH_LEGS = np.array([0.0, 1.3, -2.6] * 4)
 """Folded legs, (12,) rad, just inside the calves' ends."""
 
 ARM_FOLDED = np.array([0.0, 0.1, -0.1, -0.07, 0.0, 0.0])
+"""Folded arm, (6,) rad, just inside the ends of joints 2 and 3. Both are ours; a robot that is switched on lies like this."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,6 +20,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from control.robot_model import RobotModel
+from control.timing import TICK_S
 from sim.backends.hardware.config import HardwareConfig
 from sim.backends.hardware.io.loop import IoLoop
 from sim.backends.hardware.io.supervisor import Supervisor
@@ -31,7 +32,6 @@ from sim.backends.protocol import BackendError
 from sim.backends.unitree.dds import DdsBaseLink
 from sim.processes.realtime import request_realtime
 
-PERIOD_S = 0.002
 PATIENCE_S = 0.0035
 """A state this late is not waited for: the tick goes ahead without it."""
 
@@ -75,7 +75,7 @@ class IoProcess:
             link.wait(last + patience - time.monotonic())
             now = last = time.monotonic()
             # Once states have stopped, its own clock keeps the rate.
-            patience = PATIENCE_S if self.loop.tick(now, self._realtime) else PERIOD_S
+            patience = PATIENCE_S if self.loop.tick(now, self._realtime) else TICK_S
             if self._finished(now):
                 break
         self.loop.robot.close()

@@ -116,13 +116,13 @@ class Supervisor:
         self._connect(now, health)
         self._disown_restarted()
         damp = self._reasons_to_damp(health, control)
-        self.warnings = health.warn | health.sit if health.sit else health.warn
+        self.warnings = health.warn | health.sit
         if self.state == DriveState.POLICY and control.command_age_s > self.config.limits.command_hold_s:
             self.warnings |= Trip.STALE_COMMAND
-        if damp and (self.state not in (DriveState.DISCONNECTED, DriveState.OBSERVE, DriveState.FAULT)):
+        if damp and self.state not in (DriveState.DISCONNECTED, DriveState.OBSERVE, DriveState.FAULT):
             self._fault(damp)
         elif self.state == DriveState.FAULT:
-            self.faults |= damp & ~Trip.STALE_COMMAND & ~Trip.STALE_OPERATOR
+            self.faults |= damp & ~(Trip.STALE_COMMAND | Trip.STALE_OPERATOR)
         elif control.estop:
             self._fault(control.estop)
         elif health.sit and self.state in (DriveState.STANDING_UP, DriveState.READY, DriveState.POLICY):
@@ -158,12 +158,13 @@ class Supervisor:
             self._enter(DriveState.DISCONNECTED, now)
 
     def _reasons_to_damp(self, health: Health, control: ControlInput) -> Trip:
-        limits, damp = self.config.limits, health.damp | control.estop if control.estop else health.damp
+        limits = self.config.limits
+        damp = health.damp | control.estop
         if self.state not in ACTIVE:
             # Damping already: a hot motor, a joint at its end or a silent operator changes nothing.
             return damp & (Trip.ESTOP | Trip.REMOTE_STOP | Trip.SIGNAL | Trip.FOREIGN_WRITER | Trip.STALE_STATE)
-        in_policy = self.state == DriveState.POLICY
-        if (in_policy and control.command_age_s > limits.command_damp_s) or control.silent_s > limits.control_damp_s:
+        late = self.state == DriveState.POLICY and control.command_age_s > limits.command_damp_s
+        if late or control.silent_s > limits.control_damp_s:
             damp |= Trip.STALE_COMMAND
         if control.operator_silent_s > limits.operator_damp_s:
             damp |= Trip.STALE_OPERATOR
@@ -189,7 +190,8 @@ class Supervisor:
             doing = "engaging" if self.engaging else self.state.name
             self._refuse(request, f"while {doing}: {_HINT[request]}")
             return
-        self.message, self.refused = "", False
+        self.message = ""
+        self.refused = False
         match request:
             case Request.ENGAGE:
                 self._release = ModeRelease(self._robot.base.link, now, self.config.limits.release_timeout_s)
@@ -211,7 +213,8 @@ class Supervisor:
                 self._clear(now, control)
 
     def _refuse(self, request: Request, why: str) -> None:
-        self.message, self.refused = f"{request.name} refused {why}", True
+        self.message = f"{request.name} refused {why}"
+        self.refused = True
 
     def _clear(self, now: float, control: ControlInput) -> None:
         if control.estop:
@@ -228,7 +231,8 @@ class Supervisor:
         if self._release is not None:
             self._release.step(now)
             if self._release.failure is not None:
-                self.message, self._release = self._release.failure, None
+                self.message = self._release.failure
+                self._release = None
             elif self._release.done:
                 self._release = None
                 link = self._robot.base.link
@@ -237,7 +241,8 @@ class Supervisor:
         elif self._test is not None:
             self._test.step(now, fresh, health.damp & ~Trip.FOREIGN_WRITER)
             if self._test.done:
-                failures, self._test = self._test.failures, None
+                failures = self._test.failures
+                self._test = None
                 if failures:
                     self.message = "self-test failed: " + "; ".join(failures)
                 else:
@@ -245,15 +250,15 @@ class Supervisor:
                     self._enter(DriveState.DAMPED, now)
 
     def _act(self, now: float, control: ControlInput) -> None:
-        frame, elapsed = self._robot.frame, now - self._since_s
         self.sent = None
         if not self._owns_motors:
             self._robot.observe(now)
             return
+        frame = self._robot.frame
         if self.state not in ACTIVE or frame is None:
             self._robot.damp()
             return
-        command, finished = self._command(control, elapsed)
+        command, finished = self._command(control, now - self._since_s)
         if command is None:
             self._robot.damp()
             return
@@ -285,7 +290,9 @@ class Supervisor:
         if self._held is None:
             return self._postures.stance(), False
         weight = min_jerk(elapsed / self._postures.config.blend_s)
-        return blend(self._postures.stance(), self._held, weight) if weight < 1.0 else self._held, False
+        if weight < 1.0:
+            return blend(self._postures.stance(), self._held, weight), False
+        return self._held, False
 
     def _finish(self, now: float, frame: SensorFrame) -> None:
         if self.state == DriveState.SITTING:

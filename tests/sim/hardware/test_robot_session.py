@@ -4,7 +4,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hardware_rig import Rig
 
 from control.command.limits import DEFAULT_COMMAND
 from control.types import Command, JointCommand
@@ -12,9 +11,9 @@ from sim.backends.hardware.backend import HardwareBackend
 from sim.backends.hardware.io.loop import IoLoop
 from sim.backends.hardware.records import IoMemory
 from sim.backends.hardware.states import DriveState
-from sim.runtime.hardware_session import HardwareSession
-from sim.runtime.session import SessionError
+from sim.runtime.robot_session import RobotSession
 from sim.runtime.snapshot import SNAPSHOT, Mode
+from tests.sim.hardware.hardware_rig import Rig
 
 
 class LockstepBackend(HardwareBackend):
@@ -46,7 +45,7 @@ class Bench:
     def __init__(self, rig: Rig, path: Path) -> None:
         self.rig = rig
         self.backend = LockstepBackend(rig, path)
-        self.session = HardwareSession(backend=self.backend)
+        self.session = RobotSession(self.backend)
 
     def run(self, ticks: int, command: Command = DEFAULT_COMMAND, age_s: float = 0.0) -> None:
         for _ in range(ticks):
@@ -56,7 +55,7 @@ class Bench:
         self.session.drive(request)
         for _ in range(2000):
             self.session.tick(DEFAULT_COMMAND)
-            if self.session.hardware.state == goal:
+            if self.backend.state == goal:
                 return
         raise AssertionError(self.backend.status().message)
 
@@ -74,6 +73,7 @@ def standing(bench: Bench) -> Bench:
     return bench
 
 
+@pytest.mark.slow
 def test_guidance_works_on_the_emulated_robot(standing: Bench) -> None:
     robot = standing.rig.emulator.body.backend
     guided = Command(
@@ -104,7 +104,7 @@ def test_guidance_works_on_the_emulated_robot(standing: Bench) -> None:
 def test_estop_latches_on_both_sides_and_clearing_needs_rest(standing: Bench) -> None:
     standing.session.estop()
     standing.run(2)
-    assert standing.session.mode == Mode.ESTOP and standing.session.hardware.state == DriveState.FAULT
+    assert standing.session.mode == Mode.ESTOP and standing.backend.state == DriveState.FAULT
     assert standing.rig.damps() and standing.backend.status().faults == ("e-stop",)
     standing.session.clear_estop()
     standing.run(2)
@@ -115,12 +115,12 @@ def test_estop_latches_on_both_sides_and_clearing_needs_rest(standing: Bench) ->
             break
     standing.session.clear_estop()
     standing.run(2)
-    assert standing.session.mode == Mode.RUNNING and standing.session.hardware.state == DriveState.DAMPED
+    assert standing.session.mode == Mode.RUNNING and standing.backend.state == DriveState.DAMPED
 
 
 def test_a_silent_page_damps(standing: Bench) -> None:
     standing.run(2, age_s=0.9)
-    assert standing.session.hardware.state == DriveState.POLICY
+    assert standing.backend.state == DriveState.POLICY
     standing.run(2, age_s=1.1)
     assert standing.session.mode == Mode.FAULT and standing.rig.damps()
 
@@ -134,12 +134,7 @@ def test_a_page_can_walk_the_robot_through_its_states(bench: Bench) -> None:
     assert status.refused and "stand up from DAMPED" in status.message
 
 
-def test_what_only_a_simulation_can_do_is_refused(bench: Bench) -> None:
-    for call in (bench.session.reset, bench.session.add_wrench):
-        with pytest.raises(SessionError, match="simulation only"):
-            call()
-    with pytest.raises(SessionError, match="simulation only"):
-        bench.session.set_scene("free")
+def test_a_robot_has_no_truth_and_knows_its_requests(bench: Bench) -> None:
     with pytest.raises(ValueError, match="engage, stand, start"):
         bench.session.drive("jump")
-    assert bench.session.truth() is None and bench.session.list_wrenches() == ()
+    assert bench.session.truth() is None

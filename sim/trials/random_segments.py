@@ -1,29 +1,14 @@
-"""Trials of the control benchmark: random whole-body commands against a virtual spring.
+"""Random segments: a whole-body command, and the virtual spring that answers it on force axes."""
 
-Judged by the simulator's truth; the robot sees its noisy sensors and its own estimates alone.
-"""
-
-from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from control.command.limits import DEFAULT_COMMAND
 from control.frames import quaternion_from_rotation
 from control.joints import ARM_SLICE, NOMINAL_BASE_HEIGHT_M, NOMINAL_POSITION
-from control.pipeline import CONTROL_DECIMATION, TICK_S, PipelineConfig
 from control.robot_model import RobotModel
 from control.types import Command
-from sim.backends.protocol import GroundTruth
 from sim.backends.simulation.wrenches import BodyState
-from sim.runtime.session import Session, SessionConfig
-
-FALLEN_UP_COSINE = 0.75
-FALLEN_HEIGHT_M = 0.2
-SWITCH_S = 1.0
-"""Force errors count from here after a change of command: the force reference ramps for up to 0.8 s."""
-SETTLE_S = 2.3
-"""Position errors count from here: references arrive after up to 2 s."""
 
 _ARM_LOWER = (-0.6, 0.7, -2.5, -1.1, -0.5, -0.4)
 _ARM_UPPER = (0.6, 2.3, -0.8, 1.1, 0.5, 0.4)
@@ -127,92 +112,3 @@ def reachable_hands(random: np.random.Generator, count: int) -> tuple[np.ndarray
             positions.append(position)
             orientations.append(quaternion_from_rotation(rotation))
     return np.array(positions), np.array(orientations)
-
-
-class Trial:
-    """A session with the conveniences of a trial: run, look at truth, put a wrench on."""
-
-    def __init__(self, seed: int, settle_s: float = 1.0) -> None:
-        self.session = Session(SessionConfig(seed=seed, pipeline=PipelineConfig(controller="model_based")))
-        for _ in self.run(DEFAULT_COMMAND, settle_s):
-            pass
-
-    @property
-    def truth(self) -> GroundTruth:
-        """Truth of the last tick."""
-        truth = self.session.truth()
-        if truth is None:
-            raise RuntimeError("the backend has no ground truth; run this benchmark in simulation")
-        return truth
-
-    @property
-    def hand_in_heading(self) -> np.ndarray:
-        """(3,) m, true hand position in the true heading frame."""
-        truth = self.truth
-        origin = truth.base_position * [1.0, 1.0, 0.0]
-        return (truth.end_effector_position - origin) @ truth.rotation_heading_to_world
-
-    @property
-    def fallen(self) -> bool:
-        """The base lies or leans beyond recovery, or the safety gate damps."""
-        w, x, y, z = self.truth.base_orientation_wxyz
-        up = w * w - x * x - y * y + z * z
-        low = self.truth.base_position[2] < FALLEN_HEIGHT_M
-        return bool(up < FALLEN_UP_COSINE or low or self.session.output.safety.damping)
-
-    def run(self, command: Command, seconds: float) -> Iterator[float]:
-        """Tick under a command; yields the elapsed time, s, every controller period."""
-        for tick in range(1, round(seconds / TICK_S) + 1):
-            self.session.tick(command)
-            if tick % CONTROL_DECIMATION == 0:
-                yield tick * TICK_S
-
-
-@dataclass(slots=True)
-class Tracking:
-    """Squared errors of the random run; `force[level]` (n, 3) N with NaN on position axes, `position` (n, 3) m likewise."""
-
-    force: dict[float, list[np.ndarray]] = field(default_factory=dict)
-    estimate: list[np.ndarray] = field(default_factory=list)
-    position: list[np.ndarray] = field(default_factory=list)
-    forward: list[float] = field(default_factory=list)
-    yaw: list[float] = field(default_factory=list)
-    falls: int = 0
-    robot_minutes: float = 0.0
-
-
-def random_run(seed: int, minutes: float, progress: Callable[[str], None]) -> Tracking:
-    """Random commands for a time, the robot put back on its wheels after each fall."""
-    tracking = Tracking()
-    segments = RandomSegments(seed, (10.0, 20.0))
-    trial = Trial(seed)
-    while tracking.robot_minutes < minutes:
-        segment, level = segments.draw(trial.hand_in_heading)
-        command, on_force = segment.command, segment.command.mask > 0.5
-        wrench = trial.session.backend.wrenches.add(segment.spring)
-        elapsed = 0.0
-        for elapsed in trial.run(command, segment.duration_s):
-            truth = trial.truth
-            if elapsed > SWITCH_S:
-                error = truth.force_true_n - command.force_n
-                tracking.force.setdefault(level, []).append(np.where(on_force, error, np.nan))
-                tracking.estimate.append(trial.session.output.hand.force_estimated_n - truth.force_true_n)
-                forward = truth.base_linear_velocity @ truth.rotation_heading_to_world[:, 0]
-                tracking.forward.append(float(forward - command.base_velocity[0]))
-                tracking.yaw.append(float(truth.base_angular_velocity[2] - command.base_velocity[2]))
-            if elapsed > SETTLE_S:
-                tracking.position.append(np.where(on_force, np.nan, trial.hand_in_heading - command.position_m))
-            if trial.fallen:
-                break
-        before = tracking.robot_minutes
-        tracking.robot_minutes += elapsed / 60.0
-        if int(tracking.robot_minutes) > int(before):
-            progress(f"{tracking.robot_minutes:.1f} robot minutes, {tracking.falls} falls")
-        if trial.fallen:
-            tracking.falls += 1
-            progress(f"fell at {tracking.robot_minutes:.2f} min under {command} against {segment.spring}")
-            seed += 1
-            trial = Trial(seed)
-        else:
-            trial.session.backend.wrenches.remove(wrench)
-    return tracking

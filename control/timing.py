@@ -1,0 +1,89 @@
+"""The tempo of everything: the tick, the control period, and the job of each tick of a control period.
+
+A control period has SLOT_COUNT ticks. Ticks are numbered from the pipeline's last reset; slot k holds the ticks whose number
+is k modulo SLOT_COUNT. A job that takes a large part of a tick has a slot to itself, so that no tick is much longer than the
+others; cheap jobs share.
+"""
+
+from collections.abc import Sequence
+from enum import Enum, auto
+
+TICK_S = 0.002
+"""Sensors, observers, safety gate and drives run at 500 Hz."""
+
+CONTROL_PERIOD_S = 0.02
+"""Controllers, references and networks run at 50 Hz."""
+
+SLOT_COUNT = round(CONTROL_PERIOD_S / TICK_S)
+
+
+class Job(Enum):
+    """What is done at some ticks of a control period only.
+
+    CONTROLLER: new joint targets.
+    REFERENCES: guidance, limits and filter of the command; one tick before the controller, which needs them.
+    SHOWN_ESTIMATE: the estimate of one estimator that does not feed the controller.
+    ADAPTATION: masses and frictions of the adaptive estimator.
+    NETWORK_STEP: the network of the estimator that feeds the controller.
+    SNAPSHOT: what consoles and scripts see.
+    LIVE_ERRORS: of the estimators against the truth, which the snapshot of the same tick needs anyway.
+    """
+
+    CONTROLLER = auto()
+    REFERENCES = auto()
+    SHOWN_ESTIMATE = auto()
+    ADAPTATION = auto()
+    NETWORK_STEP = auto()
+    SNAPSHOT = auto()
+    LIVE_ERRORS = auto()
+
+
+TIMETABLE: tuple[tuple[Job, ...], ...] = (
+    (Job.CONTROLLER,),
+    (Job.SHOWN_ESTIMATE,),
+    (Job.SHOWN_ESTIMATE,),
+    (Job.SHOWN_ESTIMATE,),
+    (Job.SHOWN_ESTIMATE, Job.SNAPSHOT, Job.LIVE_ERRORS),
+    (Job.ADAPTATION,),
+    (Job.SHOWN_ESTIMATE,),
+    (Job.SHOWN_ESTIMATE,),
+    (Job.NETWORK_STEP,),
+    (Job.REFERENCES, Job.SNAPSHOT),
+)
+"""The jobs of each slot."""
+
+CHEAP_JOBS = frozenset({Job.SNAPSHOT, Job.LIVE_ERRORS})
+"""Jobs that may share a slot. All others have one to themselves."""
+
+
+class TimetableError(ValueError):
+    """There are more estimators than slots to show them in."""
+
+
+def slots(job: Job) -> tuple[int, ...]:
+    """Slots in which a job runs, ascending."""
+    return tuple(slot for slot, jobs in enumerate(TIMETABLE) if job in jobs)
+
+
+def shown_slots(names: Sequence[str], selected: str) -> dict[str, int]:
+    """Slot in which each of the estimators `names` is shown, but for the one that is `selected` to feed the controller.
+
+    Each of the first has a slot of its own. One more takes over that of the selected estimator, which estimates at every tick
+    and steps its network in the slot of NETWORK_STEP.
+
+    Raises:
+        TimetableError: two estimators would share a slot.
+    """
+    own = slots(Job.SHOWN_ESTIMATE)
+    if len(names) > len(own) + 1:
+        raise TimetableError(f"there are slots for {len(own) + 1} estimators, not for {', '.join(names)}; leave some out")
+    shown = dict(zip(names, own, strict=False))
+    freed = shown.pop(selected, None)
+    if len(names) > len(own) and freed is not None:
+        shown[names[-1]] = freed
+    return shown
+
+
+def due(job: Job, tick: int) -> bool:
+    """Whether a job runs at the tick of this number."""
+    return job in TIMETABLE[tick % SLOT_COUNT]

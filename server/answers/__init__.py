@@ -1,0 +1,1 @@
+"""Schemas of what REST answers: the OpenAPI document, its examples and `/docs` come from them."""

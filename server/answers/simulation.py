@@ -1,0 +1,50 @@
+"""Schemas of what only a simulation does."""
+
+from typing import Literal
+
+from server.answers.schema import Answer
+
+
+class RunAnswer(Answer):
+    """Whether the simulation runs."""
+
+    state: Literal["running", "paused"]
+    """also under a latched e-stop"""
+    speed: float
+    """simulated over wall-clock time, as asked"""
+
+
+class StepAnswer(Answer):
+    """The ticks are done."""
+
+    time_s: float
+    """s, simulated time after them"""
+
+
+class ResetAnswer(Answer):
+    """The robot is back."""
+
+    seed: int | None
+    """of the sensors' errors; null: as before"""
+    keyframe: str
+    """posture at the start"""
+
+
+class SceneAnswer(Answer):
+    """The scene."""
+
+    name: str
+    """of the scene"""
+    available: list[str]
+    """that can be chosen"""
+
+
+class MismatchAnswer(Answer):
+    """How the simulated robot's masses differ from the model that the estimator knows."""
+
+    mass_scale: float | None
+    """factor on the mass of every link; null on hardware"""
+    per_link: dict[str, float]
+    """further factor by link"""
+    mass_scale_true: float | None
+    """mass of the whole robot over the model's; null on hardware"""

@@ -1,0 +1,151 @@
+"""Schema of the state: `GET /api/v1/state`, and what the stream sends parts of."""
+
+from typing import Annotated
+
+from control.joints import JOINT_NAMES, LEGS
+from control.safety import Fault
+from server.answers.command import CommandFields
+from server.answers.schema import Answer, OneOf, PerJoint, Quaternion, Vector3, names_of
+from server.pacing import LOOP_OVERRUNS
+from server.silence import CONTROL_PROCESS_DEAD, CONTROL_PROCESS_SILENT
+from sim.backends.hardware.states import DriveState
+from sim.runtime.snapshot import Mode
+
+_FAULTS = OneOf(
+    (*(fault.name for fault in Fault if fault.name is not None), LOOP_OVERRUNS, CONTROL_PROCESS_DEAD, CONTROL_PROCESS_SILENT),
+)
+
+
+class Base(Answer):
+    """The trunk."""
+
+    position_m: Vector3 | None
+    """m, in world, of the base frame's origin: true in simulation; on hardware x and y are 0 and z is estimated"""
+    orientation_wxyz: Quaternion | None
+    """of the base in world: true in simulation, by the IMU on hardware"""
+    linear_velocity_mps: Vector3 | None
+    """m/s, heading, estimated from IMU and joints"""
+    angular_velocity_rps: Vector3 | None
+    """rad/s, in base, as the gyroscope measures it"""
+
+
+class Joints(Answer):
+    """The 22 joints in the order of `names`, as measured."""
+
+    names: list[Annotated[str, OneOf(JOINT_NAMES)]]
+    """four legs (hip, thigh, calf), four wheels, six joints of the arm"""
+    position: PerJoint
+    """rad"""
+    velocity: PerJoint
+    """rad/s"""
+    torque: PerJoint
+    """N m, of the motor on the joint"""
+
+
+class EndEffector(Answer):
+    """The hand, and the force of the environment on it."""
+
+    position_m: Vector3 | None
+    """m, heading, by the joints' encoders"""
+    orientation_wxyz: Quaternion | None
+    """in heading, by the joints' encoders"""
+    force_estimated_n: Vector3 | None
+    """N, heading, by the selected estimator: what the controller feels"""
+    force_estimates_n: dict[str, Vector3 | None]
+    """N, heading, by the name of each estimator; null before its first"""
+    force_true_n: Vector3 | None
+    """N, heading, from the simulator; null on hardware"""
+    force_sigma_n: Vector3 | None
+    """N, heading, standard deviation per axis that the selected estimator states; null where it states none"""
+
+
+class Contact(Answer):
+    """A wheel on the ground."""
+
+    wheel: Annotated[str, OneOf(LEGS)]
+    """front or rear, left or right"""
+    in_contact: bool
+    """true contact in simulation; on hardware an estimated normal force above 5 N"""
+    force_estimated_n: Vector3 | None
+    """N, heading, of the ground on the wheel, by the selected estimator"""
+    force_true_n: Vector3 | None
+    """N, heading, from the simulator; null on hardware"""
+
+
+class Drive(Answer):
+    """The drives of a robot."""
+
+    state: Annotated[str, names_of(DriveState)]
+    """in `policy` the controller moves the robot; `disconnected` and `observe` send nothing"""
+    faults: list[str]
+    """why the drives damp, in words"""
+    dry_run: bool
+    """everything is computed and nothing is sent"""
+
+
+class Loop(Answer):
+    """How the control loop keeps time."""
+
+    rate_hz: float
+    """ticks per second of wall-clock time; a tick is 2 ms of the robot's"""
+    real_time_factor: float
+    """simulated over wall-clock time, measured"""
+    overruns: int
+    """ticks that missed their deadline, since the control process started"""
+    overrun_share: float
+    """share of the last seconds' ticks that missed their deadline"""
+    lateness_p99_ms: float
+    """ms, 99 % of the last ticks began at most this late"""
+    tick_median_us: float
+    """us, median work of a tick"""
+    rebases: int
+    """times the loop fell so far behind that it dropped the lost time"""
+    held_s: float
+    """s, spent on slow work that was asked for, such as loading a scene"""
+    realtime_scheduling: bool
+    """SCHED_FIFO was granted"""
+    speed: float
+    """simulated over wall-clock time, as asked"""
+
+
+class StateAnswer(Answer):
+    """One consistent snapshot, taken after a tick."""
+
+    time_s: float
+    """s, of the simulation since its reset, or of the robot's session"""
+    wall_time_s: float
+    """s since 1970, UTC"""
+    sequence: int
+    """counts snapshots"""
+    stale_s: float
+    """s, for how long nothing newer has come from a control process that is dead, hangs or is busy; 0 while all is well"""
+    mode: Annotated[str, names_of(Mode)]
+    """`estop` while the e-stop is latched, `fault` while the drives damp for another reason"""
+    faults: list[Annotated[str, _FAULTS]]
+    """why the safety gate damps, or what it limits; or that the control process is dead, silent or too slow"""
+    backend: str
+    """what the pipeline drives"""
+    drive: Drive | None
+    """of a robot; null in simulation"""
+    scene: str
+    """name of the simulated scene"""
+    controller: str
+    """name of the selected controller"""
+    estimator: str
+    """name of the selected estimator"""
+    command_sequence: int
+    """`sequence` of the newest command that was taken in"""
+    command: CommandFields
+    """as asked, within limits"""
+    applied_command: CommandFields
+    """as applied: the command asked for after guidance, limits, the tip-over limit and rate limits"""
+    base: Base
+    joints: Joints
+    end_effector: EndEffector
+    contacts: list[Contact]
+    """one per wheel"""
+    mass_scale_estimated: float | None
+    """estimated mass over the model's; null where the selected estimator estimates none"""
+    mass_scale_true: float | None
+    """mass of the simulated robot over the model's; null on hardware"""
+    loop: Loop

@@ -1,0 +1,80 @@
+"""The session of a real robot: the same pipeline, estimators and snapshots, and besides the states of its drives.
+
+Before POLICY the pipeline watches: estimates are shown, its commands go nowhere. When the drives' state machine enters
+POLICY the pipeline starts afresh from the measured posture, so that nothing of the time before jumps into the motors.
+"""
+
+import numpy as np
+
+from control.pipeline import PipelineConfig, PipelineOutput
+from control.types import Command
+from sim.backends.hardware.backend import HardwareBackend
+from sim.backends.hardware.states import REQUEST_NAMES, DriveState, Request
+from sim.runtime.session import Session, SessionError
+from sim.runtime.snapshot import Mode
+
+
+class RobotSession(Session[HardwareBackend]):
+    """A session around HardwareBackend.
+
+    Args:
+        backend: the robot; opened here.
+        pipeline: how to make the pipeline.
+
+    Raises:
+        BackendError: the robot cannot be reached; the message names the cure.
+        SnapshotLimitError: what is registered does not fit into a snapshot.
+    """
+
+    def __init__(self, backend: HardwareBackend, pipeline: PipelineConfig | None = None) -> None:
+        self._drive_state = DriveState.DISCONNECTED
+        super().__init__(backend, pipeline)
+
+    @property
+    def mode(self) -> Mode:
+        """ESTOP while the e-stop is latched here, FAULT while the drives are in FAULT, otherwise RUNNING."""
+        if self.pipeline.estop_latched:
+            return Mode.ESTOP
+        return Mode.FAULT if self.backend.state == DriveState.FAULT else Mode.RUNNING
+
+    def tick(self, command: Command, command_age_s: float = 0.0) -> PipelineOutput:
+        """One 2 ms tick on the newest state. The operator's age goes to the I/O process, which damps when it grows."""
+        self.backend.operator_silent_s = command_age_s
+        state = self.backend.state
+        if state != self._drive_state and state == DriveState.POLICY:
+            self._reset_pipeline()
+        self._drive_state = state
+        return super().tick(command, command_age_s)
+
+    def drive(self, request: str) -> int:
+        """Ask for a change of the drives' state, by the name of a Request in lower case; returns its sequence number.
+
+        Raises:
+            ValueError: no such request.
+            SessionError: the e-stop is latched.
+        """
+        if request not in REQUEST_NAMES:
+            raise ValueError(f"request must be one of {', '.join(REQUEST_NAMES)}")
+        if self.pipeline.estop_latched:
+            raise SessionError("the e-stop is latched; POST /api/v1/estop/clear first")
+        return self.backend.request(Request[request.upper()])
+
+    def estop(self) -> None:
+        """Latch the e-stop here and in the I/O process."""
+        self.backend.estop()
+        super().estop()
+
+    def clear_estop(self) -> None:
+        """Clear the e-stop here; the drives' FAULT is cleared too if the robot is at rest, and then needs STAND."""
+        super().clear_estop()
+        self.backend.request(Request.CLEAR)
+
+    def fill(self, record: np.void) -> None:
+        """See Session."""
+        super().fill(record)
+        backend = self.backend
+        record["scene"] = "robot"
+        record["drive_state"], record["drive_faults"] = backend.state, int(backend.faults)
+        record["dry_run"] = backend.config.dry_run
+        if backend.state != DriveState.POLICY:
+            record["faults"] = 0  # of a pipeline that only watches

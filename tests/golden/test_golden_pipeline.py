@@ -1,0 +1,89 @@
+"""The pipeline against what it gave before its laws were compiled, on 5000 recorded ticks of everything it does."""
+
+import numpy as np
+import pytest
+
+from control.estimation.registry import MODEL_BASED_NAMES
+from tests.golden.golden_pipeline import BOX, FREE, GOLDEN, MODEL_BASED, PAPER, TICKS, replay
+
+DOUBLE, SINGLE = 1e-9, 1e-5
+"""Allowed |difference| / (1 + |value|) where everything is computed in double precision, and where a network in single
+precision takes part: its sums depend on their order."""
+
+ALLOWED = {
+    "base_velocity": DOUBLE,
+    "base_height": DOUBLE,
+    "hand": DOUBLE,
+    "gmo_pi.force": DOUBLE,
+    "gmo_pi.wheel_forces": DOUBLE,
+    "adaptive.force": DOUBLE,
+    "adaptive.wheel_forces": DOUBLE,
+    "adaptive.mass_scale": DOUBLE,
+    "tcn.force": SINGLE,
+    "hybrid.force": SINGLE,
+    "hybrid.sigma": SINGLE,
+    "selected_force": SINGLE,
+    "applied": SINGLE,
+    "target_position": SINGLE,
+    "target_velocity": SINGLE,
+    # The recording's quadratic program was solved to 1e-4 of its optimum, with flat directions between the wheels.
+    "gmo_cqp.force": 1e-3,
+    "gmo_cqp.wheel_forces": 5e-2,
+    "hybrid_paper.force": 1e-3,
+}
+EXACT = ("faults", *(f"{name}.stale" for name in MODEL_BASED_NAMES))
+FREE_OF_NETWORKS = slice(FREE.ticks, FREE.ticks + MODEL_BASED.ticks)
+"""Ticks at which controller and selected estimator compute in double precision."""
+
+
+@pytest.fixture(scope="module")
+def golden() -> dict[str, np.ndarray]:
+    with np.load(GOLDEN) as archive:
+        return {name: archive[name] for name in archive.files}
+
+
+@pytest.fixture(scope="module")
+def now(golden: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    return replay(golden["frames"])
+
+
+def difference(now: np.ndarray, golden: np.ndarray) -> float:
+    return float(np.max(np.abs(now - golden) / (1.0 + np.abs(golden))))
+
+
+def test_nothing_golden_goes_uncompared(golden: dict[str, np.ndarray], now: dict[str, np.ndarray]) -> None:
+    assert len(golden["frames"]) == TICKS == 5000
+    assert set(golden) == {"frames", *ALLOWED, *EXACT} == {"frames", *now}
+
+
+@pytest.mark.parametrize("name", ALLOWED)
+def test_values_equal_the_golden_ones(name: str, golden: dict[str, np.ndarray], now: dict[str, np.ndarray]) -> None:
+    assert difference(now[name], golden[name]) <= ALLOWED[name]
+
+
+@pytest.mark.parametrize("name", ["selected_force", "applied", "target_position", "target_velocity"])
+def test_without_networks_everything_agrees_in_double_precision(
+    name: str, golden: dict[str, np.ndarray], now: dict[str, np.ndarray]
+) -> None:
+    rows = np.linspace(0, TICKS, len(golden[name]), endpoint=False)
+    stretch = (rows >= FREE_OF_NETWORKS.start) & (rows < FREE_OF_NETWORKS.stop)
+    assert difference(now[name][stretch], golden[name][stretch]) <= DOUBLE
+
+
+@pytest.mark.parametrize("name", EXACT)
+def test_faults_and_stale_estimates_come_at_the_same_ticks(
+    name: str, golden: dict[str, np.ndarray], now: dict[str, np.ndarray]
+) -> None:
+    np.testing.assert_array_equal(now[name], golden[name])
+
+
+def test_the_recording_meets_what_it_is_to_cover(golden: dict[str, np.ndarray]) -> None:
+    """Guidance, force control on every axis, a contact, a fault, a limited force and a robot heavier than its model."""
+    faults, applied, force = golden["faults"][:, 0], golden["applied"], golden["selected_force"]
+    assert set(faults) == {0, 256, 66}, "the tip-over limit; a frame that is no number"
+    assert (applied[:, :3].max(axis=0) == 1.0).all()
+    assert np.abs(applied[:, 13:]).max(axis=0).min() > 0.05, "the base was asked for every velocity"
+    box = slice(TICKS - PAPER.ticks - BOX.ticks + 600, TICKS - PAPER.ticks - 150)
+    assert np.median(force[box, 2]) > 10.0, "the hand lay on the box"
+    assert golden["adaptive.mass_scale"].max() > 1.07 > 0.95 > golden["adaptive.mass_scale"].min()
+    assert all(golden[f"{name}.stale"].any() for name in MODEL_BASED_NAMES)
