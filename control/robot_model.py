@@ -19,12 +19,11 @@ from control.joints import (
     JOINT_NAMES,
     LEGS,
     WHEEL_CENTER_FRAMES,
-    WHEEL_HALF_WIDTH_M,
     WHEEL_JOINT_NAMES,
-    WHEEL_RADIUS_M,
     permutation,
 )
 from control.paths import ROBOT_MJCF
+from control.wheel_geometry import lowest_point_from_center
 
 IMU_FRAME = "imu"
 GRAVITY_MPS2 = 9.81
@@ -326,9 +325,6 @@ def contact_geometry(
 ) -> None:
     """Where wrenches act and B^T of eq. (10): the contact points of the wheels, then the end effector.
 
-    A wheel touches the ground at its ellipsoid's support point in direction d = -z, from its centre
-    D^2 d / sqrt(d^T D^2 d) with D^2 = r^2 I + (b^2 - r^2) a a^T and the wheel's axis a.
-
     Args:
         joint_jacobian: (6, 28) of every joint's own frame at the world's origin, linear then angular.
         centers: (3,) m each, wheels FL, FR, RL, RR, end effector.
@@ -337,17 +333,12 @@ def contact_geometry(
         points: (5, 3) m, the results.
         jacobian: (18, 28) the linear rows of the points, then the angular ones of the end effector.
     """
-    flattening = WHEEL_HALF_WIDTH_M**2 - WHEEL_RADIUS_M**2
     last = len(centers) - 1
     for index in range(len(centers)):
         x, y, z = centers[index]
         if index < last:
-            row = wheel_rows[index]
-            a_x, a_y, a_z = joint_jacobian[3, row], joint_jacobian[4, row], joint_jacobian[5, row]
-            scale = math.sqrt(WHEEL_RADIUS_M**2 + flattening * a_z * a_z)
-            x -= flattening * a_z * a_x / scale
-            y -= flattening * a_z * a_y / scale
-            z -= (flattening * a_z * a_z + WHEEL_RADIUS_M**2) / scale
+            offset = lowest_point_from_center(joint_jacobian[3:, wheel_rows[index]])
+            x, y, z = x + offset[0], y + offset[1], z + offset[2]
         points[index, 0], points[index, 1], points[index, 2] = x, y, z
         for row in range(joint_jacobian.shape[1]):
             if supports[index, row]:

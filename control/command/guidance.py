@@ -135,7 +135,8 @@ def follow_hands(
         states: GUIDANCE_STATE (n,), moved on. Guidance starts without force and with the spring at rest at the hand.
         commands: COMMAND (n,).
     """
-    for robot in led:
+    for index in range(len(led)):
+        robot = int(led[index])
         _follow(config[0], hand_positions[robot], forces_estimated_n[robot], dt_s, states[robot], commands[robot])
 
 

@@ -8,7 +8,7 @@ from control.compiled import kernel
 from control.joints import ARM_SLICE, DAMPING, JOINT_COUNT, NOMINAL_POSITION, STIFFNESS, WHEEL_SLICE
 from control.records import config_record, packed
 from control.small_algebra import clip
-from control.whole_body.reference_correction import ReferenceCorrection
+from control.whole_body.reference_correction import CORRECTION
 from control.whole_body.task_signals import TASK_SIGNALS
 
 
@@ -46,7 +46,7 @@ class ActionScales:
 MAP = config_record(ActionScales(), nominal=JOINT_COUNT, unit=JOINT_COUNT)
 """The numbers of ActionScales, and per joint the target of action zero and of one unit of action: rad, wheels rad/s."""
 
-_LEG_JOINTS = 12
+_FIRST_WHEEL, _FIRST_ARM_JOINT = WHEEL_SLICE.start, ARM_SLICE.start
 
 
 @kernel("f8[:,::1](Map[::1], matrix)", Map=MAP)
@@ -72,10 +72,27 @@ def _actions(scales: np.ndarray, targets: np.ndarray, corrections: np.ndarray) -
     for robot in range(len(targets)):
         for joint in range(JOINT_COUNT):
             action = (targets[robot, joint] - k.nominal[joint]) / k.unit[joint]
-            if joint < _LEG_JOINTS:
+            if joint < _FIRST_WHEEL:
                 action += clip(corrections[robot, joint], -k.correction_limit, k.correction_limit)
             actions[robot, joint] = clip(action, -k.limit, k.limit)
     return actions
+
+
+@kernel("void(Map[::1], matrix, Correction[::1])", Map=MAP, Correction=CORRECTION)
+def _correct_references(scales: np.ndarray, actions: np.ndarray, out: np.ndarray) -> None:
+    """Corrections (n,) by the wheel and arm actions of a residual policy: unit * clip(action, +-correction_limit)."""
+    k = scales[0]
+    units = (k.base_forward_mps, k.base_turn_rps)
+    for robot in range(len(actions)):
+        for i in range(2):
+            base = clip(actions[robot, _FIRST_WHEEL + i], -k.correction_limit, k.correction_limit)
+            out[robot].base_velocity[i] = units[i] * base
+        for i in range(3):
+            linear = clip(actions[robot, _FIRST_ARM_JOINT + i], -k.correction_limit, k.correction_limit)
+            angular = clip(actions[robot, _FIRST_ARM_JOINT + 3 + i], -k.correction_limit, k.correction_limit)
+            out[robot].hand_velocity[i] = k.hand_velocity_mps * linear
+            out[robot].hand_force[i] = k.hand_force_n * linear
+            out[robot].hand_angular_velocity[i] = k.hand_turn_rps * angular
 
 
 @kernel("f8[:,::1](Signals[::1])", Signals=TASK_SIGNALS)
@@ -123,19 +140,12 @@ class ActionMap:
     def corrected_actions(self, targets: np.ndarray, actions: np.ndarray) -> np.ndarray:
         """Actions (n, 22) of a residual policy's `actions` on top of the model-based controller's `targets`.
 
-        The controller has been given what `reference_correction` makes of the same actions; the legs' part is added here.
+        The controller has been given what `reference_corrections` makes of the same actions; the legs' part is added here.
         """
         return _actions(self._map, targets, actions)
 
-    def reference_correction(self, actions: np.ndarray) -> ReferenceCorrection:
-        """What the actions (n, 22) of a residual policy add to what is asked of hand and base."""
-        scales = self.scales
-        actions = np.clip(actions, -scales.correction_limit, scales.correction_limit)
-        arm, base = actions[..., ARM_SLICE], actions[..., WHEEL_SLICE][..., :2]
-        linear, angular = arm[..., :3], arm[..., 3:]
-        return ReferenceCorrection(
-            hand_velocity=scales.hand_velocity_mps * linear,
-            hand_force=scales.hand_force_n * linear,
-            hand_angular_velocity=scales.hand_turn_rps * angular,
-            base_velocity=np.array([scales.base_forward_mps, scales.base_turn_rps]) * base,
-        )
+    def reference_corrections(self, actions: np.ndarray) -> np.ndarray:
+        """CORRECTION (n,): what the actions (n, 22) of a residual policy add to what is asked of hand and base."""
+        corrections = np.empty(len(actions), CORRECTION)
+        _correct_references(self._map, actions, corrections)
+        return corrections

@@ -14,8 +14,9 @@ from control.policy.actor import Actor
 from control.policy.observation import RESIDUAL_FORM, Observation, advance_phase
 from control.policy.policy_weights import PolicyManifest, available_policies, load_policy
 from control.robot_model import RobotModel
+from control.whole_body.body_terms import body_terms
 from control.whole_body.controller import Controller, ControllerInput
-from control.whole_body.model_based import ModelBasedController
+from control.whole_body.model_based import ModelBasedConfig, ModelBasedLaw
 from control.whole_body.task_memory import TaskMemory, TaskMemoryConfig
 from control.whole_body.task_signals import task_signals
 
@@ -34,7 +35,7 @@ class PolicyController:
         self._actor = actor
         self._form = Observation(manifest.form)
         self._memory = TaskMemory(TaskMemoryConfig())
-        self._corrected = ModelBasedController(model) if manifest.form == RESIDUAL_FORM else None
+        self._corrected = ModelBasedLaw(model, ModelBasedConfig()) if manifest.form == RESIDUAL_FORM else None
         self._map = ActionMap()
         self.reset()
 
@@ -61,12 +62,13 @@ class PolicyController:
             self._started = True
         self._memory.step(signals)
         self.observation = self._form.assemble(signals, self._memory.values, self.action[None], self._phase)[0]
-        action = self._actor(self.observation).astype(float)
+        actions = self._actor(self.observation).astype(float)[None]
         if self._corrected is None:
-            actions = self._map.limited(action[None])
+            actions = self._map.limited(actions)
         else:
-            targets = self._corrected.step(inputs, self._map.reference_correction(action))
-            actions = self._map.corrected_actions(targets[None], action[None])
+            corrections = self._map.reference_corrections(actions)
+            targets = self._corrected.targets(body_terms(inputs.model), signals, self._memory.values, corrections)
+            actions = self._map.corrected_actions(targets, actions)
         self.action = actions[0]
         self._phase = advance_phase(self._phase)
         return self._map.targets(actions)[0]

@@ -10,14 +10,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from control.command.axis_mask import force_share
-from control.command.limits import CommandLimits
-from control.estimation.rolling_contact import rolling_velocity
-from control.frames import rotation_error, rotation_from_quaternion
+from control.compiled import kernel
 from control.joints import ARM_SLICE, DAMPING, STIFFNESS, TORQUE_LIMIT
-from control.timing import CONTROL_PERIOD_S
-from control.whole_body.controller import ControllerInput
-from control.whole_body.reference_correction import NO_CORRECTION, ReferenceCorrection
+from control.records import config_record
+from control.small_algebra import clip, rotate, rotate_back, solve_positive
+from control.whole_body.body_terms import BODY_TERMS
+from control.whole_body.reference_correction import CORRECTION
+from control.whole_body.task_memory import TASK_MEMORY
+from control.whole_body.task_signals import TASK_SIGNALS
+
+_FIRST = ARM_SLICE.start
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,13 +34,12 @@ class ArmConfig:
         damping: of the damped least squares, in m: a reach that stretches the arm gets slow instead of violent.
         joint_speed_limit_rps: of the resolved joint velocity.
         velocity_gain: K_v, 1/s.
-        integral_gain: N per m s, of the hand force that removes what the model does not know about position axes.
-        integral_limit_n: of that force. More would, with what `load_gain` adds, drag a pressing hand over its friction.
+        integral_gain: N per m s, of the hand force that removes what the model does not know about position axes. More than
+            4.5 N at the integral's limit would, with what `load_gain` adds, drag a pressing hand over its friction.
         force_gain: N per N of force error on force axes, on top of the commanded force fed forward. With more, a stiff
             contact rings: the estimate is late.
         force_integral_gain: 1/s.
-        force_integral_limit_n: of the integral part.
-        force_error_limit_n: force errors beyond it add no more, and the integral waits.
+        force_error_limit_n: force errors beyond it add no more.
         force_velocity_feedback: share of the hand's velocity that force axes do not brake; below 1 the hand is damped.
         contact_share: of the commanded force, estimated, that counts as contact; less a noise of contact_noise_n. Until then
             a force axis moves towards contact under velocity control.
@@ -58,10 +59,8 @@ class ArmConfig:
     joint_speed_limit_rps: float = 3.0
     velocity_gain: float = 15.0
     integral_gain: float = 150.0
-    integral_limit_n: float = 4.5
     force_gain: float = 0.2
     force_integral_gain: float = 5.0
-    force_integral_limit_n: float = 6.0
     force_error_limit_n: float = 8.0
     force_velocity_feedback: float = 0.5
     contact_share: float = 0.3
@@ -73,125 +72,154 @@ class ArmConfig:
     limit_margin_rad: float = 0.1
 
 
-class ArmControl:
-    """Arm targets from the hand's references. Integrates the error of each axis while the axis keeps its mode."""
+ARM = config_record(ArmConfig(), lower=6, upper=6, workspace=(2, 3))
+"""The numbers of ArmConfig, the ends of the joints (rad), and the box that the hand does not leave by itself (m)."""
 
-    def __init__(self, config: ArmConfig, lower: np.ndarray, upper: np.ndarray, limits: CommandLimits) -> None:
-        """`lower`, `upper`: (6,) rad, ends of the arm joints. `limits` hold the box that the hand does not leave by itself."""
-        self.config = config
-        self._workspace = np.transpose([limits.position_x_m, limits.position_y_m, limits.position_z_m])
-        self._lower = lower + config.limit_margin_rad
-        self._upper = upper - config.limit_margin_rad
-        self.reset()
 
-    def reset(self) -> None:
-        """Forget integrals and the last reference."""
-        self._position_integral = np.zeros(3)
-        self._force_integral = np.zeros(3)
-        self._last_reference: np.ndarray | None = None
+@kernel(
+    "void(Arm, Terms, Signals, Memory, Correction, vector, f8[:])",
+    Arm=ARM,
+    Terms=BODY_TERMS,
+    Signals=TASK_SIGNALS,
+    Memory=TASK_MEMORY,
+    Correction=CORRECTION,
+)
+def _reference_twist(
+    arm: np.record,
+    terms: np.record,
+    signals: np.record,
+    memory: np.record,
+    correction: np.record,
+    force_share: np.ndarray,
+    twist: np.ndarray,
+) -> None:
+    """Hand twist (6,), world-aligned, that the arm should add to the base's motion.
 
-    def step(
-        self,
-        inputs: ControllerInput,
-        rotation_heading_to_world: np.ndarray,
-        on_force: np.ndarray,
-        correction: ReferenceCorrection = NO_CORRECTION,
-    ) -> np.ndarray:
-        """Position targets (6,), rad, that carry the torque of the law above; `on_force` (3,) is that of this tick."""
-        config, model = self.config, inputs.model
-        rows = model.joint_rows[ARM_SLICE]
-        jacobian = model.end_effector_jacobian[:, rows]
-        q, dq = inputs.sensor.joint_position[ARM_SLICE], inputs.sensor.joint_velocity[ARM_SLICE]
-        heading = rotation_heading_to_world
+    Position axes track, v = v_ref + K_p e; force axes move towards contact, and yield to it by their share of force control.
+    """
+    command, hand, heading = signals.command, terms.hand, terms.rotation_heading_to_world
+    rate = rotate(terms.rotation_base_to_world, signals.angular_velocity)
+    # The heading frame follows the base over the ground but not its tilting and heaving: the arm takes those out.
+    heave = rate[0] * hand[1] - rate[1] * hand[0] + signals.base_linear_velocity[2]
+    rocking = rotate_back(heading, np.array([rate[1] * hand[2], -rate[0] * hand[2], heave]))
+    from_arm = np.zeros(3)
+    for i in range(3):
+        for joint in range(6):
+            from_arm[i] += terms.hand_jacobian[i, joint] * signals.joint_velocity[_FIRST + joint]
+    arm_velocity = rotate_back(heading, from_arm)
 
-        twist = self._reference_twist(inputs, heading, jacobian @ dq, on_force, correction)
-        joint_velocity = self._resolve(jacobian, twist)
-        joint_velocity[(q > self._upper) & (joint_velocity > 0.0)] = 0.0
-        joint_velocity[(q < self._lower) & (joint_velocity < 0.0)] = 0.0
-
-        force = heading @ (self._hand_force(inputs, on_force) + on_force * correction.hand_force)
-        inertia = model.mass_matrix[np.ix_(rows, rows)]
-        torque = (
-            model.gravity[rows]
-            + inertia @ (config.velocity_gain * (joint_velocity - dq))
-            + DAMPING[ARM_SLICE] * joint_velocity
-            + jacobian[:3].T @ force
-        )
-        limit = TORQUE_LIMIT[ARM_SLICE]
-        return q + np.clip(torque, -limit, limit) / STIFFNESS[ARM_SLICE]
-
-    def on_force(self, inputs: ControllerInput) -> np.ndarray:
-        """Share (3,), 0 to 1, of force control per axis: 0 on position axes and before contact."""
-        config, command, estimated = self.config, inputs.command, inputs.force_estimated_n
-        axes = zip(command.mask, command.force_n, estimated, strict=True)
-        return np.array([force_share(*axis, config.contact_share, config.contact_noise_n) for axis in axes])
-
-    def _reference_twist(
-        self,
-        inputs: ControllerInput,
-        heading: np.ndarray,
-        arm_twist: np.ndarray,
-        on_force: np.ndarray,
-        correction: ReferenceCorrection,
-    ) -> np.ndarray:
-        """Hand twist (6,), world-aligned, that the arm should add to the base's motion."""
-        config, model, command, base = self.config, inputs.model, inputs.command, inputs.base
-        lever = model.end_effector_position
-        position = heading.T @ lever
-        position[2] += base.height_m
-        error = command.position_m - position
-        on_position = 1.0 - command.mask
-        self._integrate_position(error, on_position)
-
-        last = self._last_reference
-        reference_velocity = np.zeros(3) if last is None else (command.position_m - last) / CONTROL_PERIOD_S * on_position
-        self._last_reference = command.position_m
-
-        # The heading frame follows the base over the ground but not its tilting and heaving: the arm takes those out.
-        rotation = base.rotation_base_to_world
-        rate = rotation @ base.angular_velocity_in_base
-        heave = rolling_velocity(model)[2]
-        rocking = np.array([rate[1] * lever[2], -rate[0] * lever[2], rate[0] * lever[1] - rate[1] * lever[0] + heave])
-
-        limit = config.position_error_limit_m
-        tracking = reference_velocity + config.position_gain * np.clip(error, -limit, limit) - heading.T @ rocking
-        fastest = config.approach_speed_limit_mps
-        approach = np.clip(-config.approach_gain * command.force_n, -fastest, fastest)
+    linear, turn = np.empty(3), np.empty(3)
+    for i in range(3):
+        error = command.position_m[i] - signals.hand_position[i]
+        error = clip(error, -arm.position_error_limit_m, arm.position_error_limit_m)
+        tracking = memory.reference_velocity[i] + arm.position_gain * error - rocking[i]
+        approach = clip(-arm.approach_gain * command.force_n[i], -arm.approach_speed_limit_mps, arm.approach_speed_limit_mps)
         # Where nothing is met, the search ends at the border of the workspace.
-        to_lower, to_upper = self._workspace - position
-        approach = np.clip(approach, config.position_gain * to_lower, config.position_gain * to_upper)
-        motion = on_position * (tracking + correction.hand_velocity) + command.mask * approach
-        yielding = config.force_velocity_feedback * (heading.T @ arm_twist[:3])
-        linear = heading @ ((1.0 - on_force) * motion + on_force * yielding)
+        to_lower = arm.position_gain * (arm.workspace[0, i] - signals.hand_position[i])
+        to_upper = arm.position_gain * (arm.workspace[1, i] - signals.hand_position[i])
+        approach = clip(approach, to_lower, to_upper)
+        motion = (1.0 - command.mask[i]) * (tracking + correction.hand_velocity[i]) + command.mask[i] * approach
+        yielding = arm.force_velocity_feedback * arm_velocity[i]
+        linear[i] = (1.0 - force_share[i]) * motion + force_share[i] * yielding
+        turn[i] = arm.orientation_gain * signals.orientation_error[i] + correction.hand_angular_velocity[i]
+    twist[0], twist[1], twist[2] = rotate(heading, linear)
+    twist[3], twist[4], twist[5] = rotate(heading, turn)
+    twist[3] -= rate[0]
+    twist[4] -= rate[1]
 
-        target = heading @ rotation_from_quaternion(command.orientation_wxyz)
-        angular = config.orientation_gain * rotation_error(target, model.end_effector_rotation)
-        angular[:2] -= rate[:2]
-        return np.concatenate([linear, angular + heading @ correction.hand_angular_velocity])
 
-    def _resolve(self, jacobian: np.ndarray, twist: np.ndarray) -> np.ndarray:
-        """Damped least-squares joint velocity (6,) of a hand twist (6,)."""
-        config = self.config
-        scale = np.array([1.0, 1.0, 1.0] + [config.orientation_scale_m] * 3)
-        scaled = scale[:, None] * jacobian
-        normal = scaled.T @ scaled
-        normal[np.diag_indices(6)] += config.damping**2
-        velocity = np.linalg.solve(normal, scaled.T @ (scale * twist))
-        return velocity * min(1.0, config.joint_speed_limit_rps / max(np.abs(velocity).max(), 1e-9))
+@kernel("void(Arm, Terms, Signals, vector, f8[::1])", Arm=ARM, Terms=BODY_TERMS, Signals=TASK_SIGNALS)
+def _resolve(arm: np.record, terms: np.record, signals: np.record, twist: np.ndarray, velocity: np.ndarray) -> None:
+    """Damped least-squares joint velocity (6,) of a hand twist (6,), (J^T W J + d^2) v = J^T W t, within speed and ends."""
+    weighted, normal = np.empty((6, 6)), np.empty((6, 6))
+    for row in range(6):
+        weight = 1.0 if row < 3 else arm.orientation_scale_m**2
+        for joint in range(6):
+            weighted[row, joint] = weight * terms.hand_jacobian[row, joint]
+    for i in range(6):
+        velocity[i] = 0.0
+        for row in range(6):
+            velocity[i] += weighted[row, i] * twist[row]
+        for j in range(6):
+            normal[i, j] = arm.damping**2 if i == j else 0.0
+            for row in range(6):
+                normal[i, j] += weighted[row, i] * terms.hand_jacobian[row, j]
+    solve_positive(normal, velocity)
+    fastest = 1e-9
+    for i in range(6):
+        fastest = max(fastest, abs(velocity[i]))
+    share = min(1.0, arm.joint_speed_limit_rps / fastest)
+    for i in range(6):
+        velocity[i] *= share
+        q, margin = signals.joint_position[_FIRST + i], arm.limit_margin_rad
+        if (q > arm.upper[i] - margin and velocity[i] > 0.0) or (q < arm.lower[i] + margin and velocity[i] < 0.0):
+            velocity[i] = 0.0
 
-    def _integrate_position(self, error: np.ndarray, on_position: np.ndarray) -> None:
-        limit = self.config.integral_limit_n / self.config.integral_gain
-        integral = self._position_integral + error * CONTROL_PERIOD_S
-        self._position_integral = np.clip(integral, -limit, limit) * on_position
 
-    def _hand_force(self, inputs: ControllerInput, on_force: np.ndarray) -> np.ndarray:
-        """Force (3,), N, heading frame, that the hand shall exert on the environment."""
-        config, command, measured = self.config, inputs.command, inputs.force_estimated_n
-        error = measured - command.force_n
-        near = np.clip(error, -config.force_error_limit_n, config.force_error_limit_n)
-        limit = config.force_integral_limit_n / config.force_integral_gain
-        integral = self._force_integral + np.where(near == error, error, 0.0) * CONTROL_PERIOD_S
-        self._force_integral = np.clip(integral, -limit, limit) * command.mask
-        regulation = config.force_gain * near + config.force_integral_gain * self._force_integral - command.force_n
-        load = np.clip(config.load_gain * measured, -config.load_limit_n, config.load_limit_n)
-        return on_force * regulation - (1.0 - on_force) * load + config.integral_gain * self._position_integral
+@kernel(
+    "UniTuple(f8, 3)(Arm, Terms, Signals, Memory, Correction, vector)",
+    Arm=ARM,
+    Terms=BODY_TERMS,
+    Signals=TASK_SIGNALS,
+    Memory=TASK_MEMORY,
+    Correction=CORRECTION,
+)
+def _hand_force(
+    arm: np.record,
+    terms: np.record,
+    signals: np.record,
+    memory: np.record,
+    correction: np.record,
+    force_share: np.ndarray,
+) -> tuple[float, float, float]:
+    """Force, N, world-aligned, that the hand shall exert on the environment.
+
+    Under force control -f + K_f e + K_i int e, with e = f_hat - f; otherwise a share of the estimated load; and what the
+    integral of the position error asks for.
+    """
+    command, force = signals.command, np.empty(3)
+    for i in range(3):
+        error = signals.force_estimated_n[i] - command.force_n[i]
+        near = clip(error, -arm.force_error_limit_n, arm.force_error_limit_n)
+        regulation = arm.force_gain * near + arm.force_integral_gain * memory.force_integral[i] - command.force_n[i]
+        load = clip(arm.load_gain * signals.force_estimated_n[i], -arm.load_limit_n, arm.load_limit_n)
+        force[i] = (
+            force_share[i] * (regulation + correction.hand_force[i])
+            - (1.0 - force_share[i]) * load
+            + arm.integral_gain * memory.position_integral[i]
+        )
+    return rotate(terms.rotation_heading_to_world, force)
+
+
+@kernel(
+    "void(Arm, Terms, Signals, Memory, Correction, vector, f8[:])",
+    Arm=ARM,
+    Terms=BODY_TERMS,
+    Signals=TASK_SIGNALS,
+    Memory=TASK_MEMORY,
+    Correction=CORRECTION,
+)
+def arm_targets(
+    arm: np.record,
+    terms: np.record,
+    signals: np.record,
+    memory: np.record,
+    correction: np.record,
+    force_share: np.ndarray,
+    out: np.ndarray,
+) -> None:
+    """Position targets (6,), rad, that carry the torque of the law above; `force_share` (3,) is the mask law's."""
+    twist, velocity = np.empty(6), np.empty(6)
+    _reference_twist(arm, terms, signals, memory, correction, force_share, twist)
+    _resolve(arm, terms, signals, twist, velocity)
+    force = _hand_force(arm, terms, signals, memory, correction, force_share)
+    for i in range(6):
+        joint = _FIRST + i
+        torque = terms.gravity_torque[joint] + DAMPING[joint] * velocity[i]
+        for j in range(6):
+            acceleration = arm.velocity_gain * (velocity[j] - signals.joint_velocity[_FIRST + j])
+            torque += terms.arm_inertia[i, j] * acceleration
+        for row in range(3):
+            torque += terms.hand_jacobian[row, i] * force[row]
+        torque = clip(torque, -TORQUE_LIMIT[joint], TORQUE_LIMIT[joint])
+        out[i] = signals.joint_position[joint] + torque / STIFFNESS[joint]

@@ -4,21 +4,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from control.estimation.rolling_contact import rolling_velocity
-from control.frames import skew
-from control.joints import (
-    LEG_SLICE,
-    NOMINAL_BASE_HEIGHT_M,
-    STIFFNESS,
-    WHEEL_RADIUS_M,
-    WHEEL_SLICE,
-)
+from control.compiled import kernel
+from control.joints import NOMINAL_BASE_HEIGHT_M, STIFFNESS, WHEEL_RADIUS_M
+from control.records import config_record, record
 from control.robot_model import GRAVITY_MPS2
-from control.whole_body.controller import ControllerInput
-from control.whole_body.stance import Stance
+from control.small_algebra import clip, rotate, solve_positive
+from control.whole_body.body_terms import BODY_TERMS, LEG_OF_JOINT
+from control.whole_body.task_memory import LEFT_MINUS_RIGHT
+from control.whole_body.task_signals import TASK_SIGNALS
 
-_IDENTITY = np.eye(3)
-_LEFT_MINUS_RIGHT = np.array([1.0, -1.0, 1.0, -1.0])
+_LEG_JOINTS = 12
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,95 +43,122 @@ class LegConfig:
     traction_smoothing: float = 0.2
 
 
-@dataclass(frozen=True, slots=True)
-class LegTargets:
-    """Result of one tick.
+LEGS = config_record(LegConfig(), total_mass=())
+"""The numbers of LegConfig, and the robot's nominal mass, kg."""
 
-    Attributes:
-        position: (12,) rad, of the legs.
-        wheel_torque: (4,) N m, that the balance asks of the wheels.
-        support: load of the least loaded wheel over the mean load: 1 evenly loaded, 0 about to lift.
+LEG_STATE = record(traction=())
+"""Steering traction, N: push of the left wheels against the right ones beyond the balance; zero at rest."""
+
+
+@kernel("void(Legs, Terms, Signals, vector, f8[:,::1])", Legs=LEGS, Terms=BODY_TERMS, Signals=TASK_SIGNALS)
+def ground_forces(legs: np.record, terms: np.record, signals: np.record, hand_force: np.ndarray, out: np.ndarray) -> None:
+    """Least-norm ground forces (4, 3), N, world-aligned, that balance weight, hand force, height and tilt.
+
+    The force F and the moment M about the middle of the contacts that the ground owes are met by
+
+        f_i = F / 4 + w x r_i,  sum_i (|r_i|^2 1 - r_i r_i^T) w = M
+
+    with r_i from that middle to contact i.
+
+    Args:
+        hand_force: (3,) N, world-aligned, environment on hand, expected or estimated.
+        out: (4, 3).
     """
+    heading, velocity, command = terms.rotation_heading_to_world, signals.base_linear_velocity, signals.command
+    rotation, h = terms.rotation_base_to_world, hand_force
+    rate = rotate(rotation, signals.angular_velocity)
+    # The trunk sways over the wheels on the legs' compliance; these forces damp it.
+    sway = rotate(heading, np.array([command.base_velocity[0] - velocity[0], command.base_velocity[1] - velocity[1], 0.0]))
+    fx = legs.sway_damping * sway[0] - h[0]
+    fy = legs.sway_damping * sway[1] - h[1]
+    fz = legs.total_mass * GRAVITY_MPS2 + legs.height_stiffness * (NOMINAL_BASE_HEIGHT_M - signals.base_height) - h[2]
+    fz -= legs.height_damping * velocity[2]
 
-    position: np.ndarray
-    wheel_torque: np.ndarray
-    support: float
+    middle, arms, moment, spread = np.zeros(3), np.empty((4, 3)), np.empty(3), np.zeros((3, 3))
+    for wheel in range(4):
+        for i in range(3):
+            middle[i] += 0.25 * terms.contacts[wheel, i]
+    for wheel in range(4):
+        for i in range(3):
+            arms[wheel, i] = terms.contacts[wheel, i] - middle[i]
+        for i in range(3):
+            for j in range(3):
+                square = arms[wheel, i] * arms[wheel, j]
+                spread[i, j] -= square
+                if i == j:
+                    for k in range(3):
+                        spread[k, k] += square
+    cx, cy, cz = (terms.center_of_mass[0] - middle[0], terms.center_of_mass[1] - middle[1], terms.center_of_mass[2] - middle[2])
+    lx, ly, lz = (
+        terms.hand[0] - terms.center_of_mass[0],
+        terms.hand[1] - terms.center_of_mass[1],
+        terms.hand[2] - terms.center_of_mass[2],
+    )
+    moment[0] = cy * fz - cz * fy - (ly * h[2] - lz * h[1]) + legs.tilt_stiffness * rotation[1, 2] - legs.tilt_damping * rate[0]
+    moment[1] = cz * fx - cx * fz - (lz * h[0] - lx * h[2]) - legs.tilt_stiffness * rotation[0, 2] - legs.tilt_damping * rate[1]
+    moment[2] = cx * fy - cy * fx - (lx * h[1] - ly * h[0])
+    solve_positive(spread, moment)
+    wx, wy, wz = moment[0], moment[1], moment[2]
+    for wheel in range(4):
+        rx, ry, rz = arms[wheel, 0], arms[wheel, 1], arms[wheel, 2]
+        out[wheel, 0] = 0.25 * fx + wy * rz - wz * ry
+        out[wheel, 1] = 0.25 * fy + wz * rx - wx * rz
+        out[wheel, 2] = 0.25 * fz + wx * ry - wy * rx
 
 
-class LegControl:
-    """Leg targets and wheel torques for the balance."""
+@kernel("f8(Terms, matrix, i8)", Terms=BODY_TERMS)
+def _balanced_torque(terms: np.record, forces: np.ndarray, joint: int) -> float:
+    """Static balance of a joint of legs or wheels under ground forces (4, 3): tau = g - J_c^T lambda, N m."""
+    leg = LEG_OF_JOINT[joint]
+    torque = terms.gravity_torque[joint]
+    for i in range(3):
+        torque -= terms.contact_jacobian[joint, i] * forces[leg, i]
+    return torque
 
-    def __init__(self, config: LegConfig, stance: Stance) -> None:
-        self.config = config
-        self._stance = stance
-        self.reset()
 
-    def reset(self) -> None:
-        """Forget the steering traction and the shift of the stance."""
-        self._stance.reset()
-        self._traction = 0.0
+@kernel(
+    "f8(Legs, Terms, Signals, f8[:,::1], vector, State, f8[:], f8[:])",
+    Legs=LEGS,
+    Terms=BODY_TERMS,
+    Signals=TASK_SIGNALS,
+    State=LEG_STATE,
+)
+def leg_targets(
+    legs: np.record,
+    terms: np.record,
+    signals: np.record,
+    forces: np.ndarray,
+    posture: np.ndarray,
+    state: np.record,
+    targets: np.ndarray,
+    wheel_torque: np.ndarray,
+) -> float:
+    """Leg targets (12,), rad, and wheel torques (4,), N m, of the balance.
 
-    def step(
-        self, inputs: ControllerInput, rotation_heading_to_world: np.ndarray, hand_force_in_world: np.ndarray
-    ) -> LegTargets:
-        """Targets of one tick.
+    target = posture + clip(tau / K_p + k (posture - q) - d dq, +-limit)
 
-        Args:
-            inputs: of the tick.
-            rotation_heading_to_world: (3, 3).
-            hand_force_in_world: (3,) N, environment on hand, expected or estimated.
-        """
-        config, model = self.config, inputs.model
-        forces = self.ground_forces(inputs, rotation_heading_to_world, hand_force_in_world)
-        # Static balance of the joint rows: tau = g - J_c^T lambda.
-        jacobians = model.wheel_contact_jacobians.reshape(12, -1)
-        torque = model.gravity - forces.reshape(12) @ jacobians
-        wheel_torque = torque[model.joint_rows[WHEEL_SLICE]]
-        # Skid steering pushes the left wheels against the right ones beyond the balance: the legs must bear that as well.
-        # The common part stays out; fed forward it would drive the trunk's sway over the wheels.
-        traction = (inputs.sensor.joint_torque[WHEEL_SLICE] - wheel_torque) @ _LEFT_MINUS_RIGHT / (4.0 * WHEEL_RADIUS_M)
-        self._traction += config.traction_smoothing * (traction - self._traction)
-        forward = rotation_heading_to_world[:, 0]
-        torque -= np.outer(self._traction * _LEFT_MINUS_RIGHT, forward).reshape(12) @ jacobians
-        leg_torque = torque[model.joint_rows[LEG_SLICE]]
-        q, dq = inputs.sensor.joint_position[LEG_SLICE], inputs.sensor.joint_velocity[LEG_SLICE]
-        posture = self._stance.step(forces[:, 2], model.wheel_contact_positions @ rotation_heading_to_world)
-        offset = leg_torque / STIFFNESS[LEG_SLICE] + config.posture_gain * (posture - q) - config.posture_damping * dq
-        targets = posture + np.clip(offset, -config.offset_limit_rad, config.offset_limit_rad)
-        support = float(forces[:, 2].min() / forces[:, 2].mean())
-        return LegTargets(targets, wheel_torque, support)
+    Args:
+        forces: (4, 3) N, ground forces of the balance; what the legs bear beyond it is added to them.
+        posture: (12,) rad, of the stance.
 
-    def ground_forces(
-        self, inputs: ControllerInput, rotation_heading_to_world: np.ndarray, hand_force_in_world: np.ndarray
-    ) -> np.ndarray:
-        """Least-norm ground forces (4, 3), N, world-aligned, that balance weight, hand force, height and tilt."""
-        config, model, base = self.config, inputs.model, inputs.base
-        rotation, heading = base.rotation_base_to_world, rotation_heading_to_world
-        center = model.center_of_mass
-        rate = rotation @ base.angular_velocity_in_base
-        velocity = rolling_velocity(model)
-        up = rotation[:, 2]
-
-        wrench = np.empty(6)
-        wrench[:3] = -hand_force_in_world
-        wrench[2] += (
-            model.total_mass * GRAVITY_MPS2
-            + config.height_stiffness * (NOMINAL_BASE_HEIGHT_M - base.height_m)
-            - config.height_damping * velocity[2]
-        )
-        # The trunk sways over the wheels on the legs' compliance; these forces damp it.
-        planar = heading[:, :2]
-        wrench[:3] += config.sway_damping * (planar @ (inputs.command.base_velocity[:2] - velocity @ planar))
-        wrench[3:] = -skew(model.end_effector_position - center) @ hand_force_in_world
-        wrench[3] += config.tilt_stiffness * up[1] - config.tilt_damping * rate[0]
-        wrench[4] += -config.tilt_stiffness * up[0] - config.tilt_damping * rate[1]
-
-        # f = G^T (G G^T)^-1 w with the grasp matrix G = [1 ...; skew(r_i) ...], its products written out.
-        arms = model.wheel_contact_positions - center
-        normal = np.empty((6, 6))
-        normal[:3, :3] = len(arms) * _IDENTITY
-        normal[3:, :3] = skew(arms.sum(axis=0))
-        normal[:3, 3:] = normal[3:, :3].T
-        normal[3:, 3:] = np.vdot(arms, arms) * _IDENTITY - arms.T @ arms
-        multipliers = np.linalg.solve(normal, wrench)
-        return multipliers[:3] + arms @ skew(multipliers[3:]).T
+    Returns:
+        Load of the least loaded wheel over the mean load: 1 evenly loaded, 0 about to lift.
+    """
+    load, lightest, difference = 0.0, forces[0, 2], 0.0
+    for wheel in range(4):
+        load += 0.25 * forces[wheel, 2]
+        lightest = min(lightest, forces[wheel, 2])
+        wheel_torque[wheel] = _balanced_torque(terms, forces, _LEG_JOINTS + wheel)
+        difference += LEFT_MINUS_RIGHT[wheel] * (signals.joint_torque[_LEG_JOINTS + wheel] - wheel_torque[wheel])
+    # Skid steering pushes the left wheels against the right ones beyond the balance: the legs must bear that as well.
+    # The common part stays out; fed forward it would drive the trunk's sway over the wheels.
+    state.traction += legs.traction_smoothing * (difference / (4.0 * WHEEL_RADIUS_M) - state.traction)
+    for wheel in range(4):
+        for i in range(3):
+            forces[wheel, i] += state.traction * LEFT_MINUS_RIGHT[wheel] * terms.rotation_heading_to_world[i, 0]
+    for joint in range(_LEG_JOINTS):
+        q, dq = signals.joint_position[joint], signals.joint_velocity[joint]
+        offset = _balanced_torque(terms, forces, joint) / STIFFNESS[joint]
+        offset += legs.posture_gain * (posture[joint] - q) - legs.posture_damping * dq
+        targets[joint] = posture[joint] + clip(offset, -legs.offset_limit_rad, legs.offset_limit_rad)
+    return lightest / load

@@ -4,9 +4,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from control.joints import LEG_SLICE, LEGS, NOMINAL_POSITION
+from control.compiled import kernel
+from control.joints import LEGS, NOMINAL_POSITION
+from control.records import config_record, packed, record
 from control.robot_model import RobotModel
+from control.small_algebra import clip, rotate_back
 from control.timing import CONTROL_PERIOD_S
+from control.whole_body.body_terms import BODY_TERMS
 
 _STEP_RAD = 1e-4
 
@@ -28,42 +32,45 @@ class StanceConfig:
     speed_mps: float = 0.1
 
 
-class Stance:
-    """Leg posture whose wheels stand shifted in the plane by an integral of the centre of pressure.
+STANCE = config_record(StanceConfig(), leg_rad_per_m=(12, 2))
+"""The numbers of StanceConfig, and how the leg joints move per shift of the wheels under the trunk."""
 
-    Attributes:
-        shift_velocity: (2,) m/s, heading frame, of the wheels under the trunk at the last step.
+STANCE_STATE = record(shift=2, shift_velocity=2)
+"""Of the wheels from their nominal place, m and m/s, heading axes; zeros at the nominal stance."""
+
+
+@kernel("void(Stance, Terms, matrix, State, f8[:])", Stance=STANCE, Terms=BODY_TERMS, State=STANCE_STATE)
+def shifted_posture(
+    stance: np.record, terms: np.record, ground_forces: np.ndarray, state: np.record, posture: np.ndarray
+) -> None:
+    """Leg posture (12,), rad, after one period: the shift integrates k max(|c| - band, 0) sgn(c) - k_r shift.
+
+    Args:
+        ground_forces: (4, 3) N, that the balance asks of the wheels; their centre of pressure lies c off their middle.
     """
+    load, pressure, middle = 0.0, np.zeros(2), np.zeros(2)
+    for wheel in range(4):
+        contact = rotate_back(terms.rotation_heading_to_world, terms.contacts[wheel])
+        load += ground_forces[wheel, 2]
+        for i in range(2):
+            pressure[i] += ground_forces[wheel, 2] * contact[i]
+            middle[i] += 0.25 * contact[i]
+    for i in range(2):
+        offset = pressure[i] / max(load, 1.0) - middle[i]
+        excess = offset - clip(offset, -stance.dead_band_m, stance.dead_band_m)
+        last = state.shift[i]
+        velocity = clip(stance.gain * excess - stance.return_gain * last, -stance.speed_mps, stance.speed_mps)
+        state.shift[i] = clip(last + velocity * CONTROL_PERIOD_S, -stance.limit_m, stance.limit_m)
+        state.shift_velocity[i] = (state.shift[i] - last) / CONTROL_PERIOD_S
+    for joint in range(12):
+        bent = stance.leg_rad_per_m[joint, 0] * state.shift[0] + stance.leg_rad_per_m[joint, 1] * state.shift[1]
+        posture[joint] = NOMINAL_POSITION[joint] + bent
 
-    def __init__(self, config: StanceConfig, model: RobotModel) -> None:
-        """Takes the legs' kinematics at the nominal posture from `model`, which is left in that posture."""
-        self.config = config
-        self._leg_rad_per_m = np.linalg.inv(_contact_jacobians(model))
-        self.reset()
 
-    def reset(self) -> None:
-        """Back to the nominal stance."""
-        self._shift = np.zeros(2)
-        self.shift_velocity = np.zeros(2)
-
-    def step(self, vertical_forces: np.ndarray, contacts_in_heading: np.ndarray) -> np.ndarray:
-        """Leg posture (12,), rad.
-
-        Args:
-            vertical_forces: (4,) N, that the balance asks of the wheels.
-            contacts_in_heading: (4, 3) m, from the base origin.
-        """
-        config = self.config
-        planar = contacts_in_heading[:, :2]
-        pressure = vertical_forces @ planar / max(float(vertical_forces.sum()), 1.0)
-        offset = pressure - planar.mean(axis=0)
-        excess = offset - np.clip(offset, -config.dead_band_m, config.dead_band_m)
-        velocity = config.gain * excess - config.return_gain * self._shift
-        velocity = np.clip(velocity, -config.speed_mps, config.speed_mps)
-        last = self._shift
-        self._shift = np.clip(last + velocity * CONTROL_PERIOD_S, -config.limit_m, config.limit_m)
-        self.shift_velocity = (self._shift - last) / CONTROL_PERIOD_S
-        return NOMINAL_POSITION[LEG_SLICE] + (self._leg_rad_per_m[:, :, :2] @ self._shift).reshape(12)
+def stance_record(config: StanceConfig, model: RobotModel) -> np.ndarray:
+    """STANCE (1,) with the legs' kinematics at the nominal posture, in which `model` is left."""
+    rad_per_m = np.linalg.inv(_contact_jacobians(model))[:, :, :2]
+    return packed(STANCE, config, leg_rad_per_m=rad_per_m.reshape(len(LEGS) * 3, 2))
 
 
 def _contact_jacobians(model: RobotModel) -> np.ndarray:

@@ -13,7 +13,7 @@ from control.joints import WHEEL_RADIUS_M
 from control.records import config_record, packed, record
 from control.small_algebra import clip
 from control.timing import CONTROL_PERIOD_S
-from control.whole_body.task_signals import TASK_SIGNALS, force_error, position_error
+from control.whole_body.task_signals import REST_VELOCITY, TASK_SIGNALS, force_error, position_error, stands
 
 LEFT_MINUS_RIGHT = (1.0, -1.0, 1.0, -1.0)
 """Sign of each wheel FL, FR, RL, RR where the left ones work against the right ones."""
@@ -28,7 +28,6 @@ class TaskMemoryConfig:
     force_error_limit_n: force errors beyond it are not integrated.
     force_limit_ns: N s, of the integrated force error.
     yaw_limit_rad: of the integrated yaw rate error.
-    rest_velocity: base velocity command (m/s, rad/s alike) below which the wheels are held.
     traction_smoothing: weight of the newest wheel torques in the steering traction.
     """
 
@@ -36,7 +35,6 @@ class TaskMemoryConfig:
     force_error_limit_n: float = 8.0
     force_limit_ns: float = 1.2
     yaw_limit_rad: float = 0.8
-    rest_velocity: float = 0.01
     traction_smoothing: float = 0.2
 
 
@@ -88,19 +86,18 @@ def _remember(config: np.record, signals: np.record, memory: np.record) -> None:
         memory.reference[i] = position
     memory.started = 1.0
 
-    forward, yaw = command.base_velocity[0], command.base_velocity[2]
-    turning = abs(yaw) >= config.rest_velocity
-    driving = turning or abs(forward) >= config.rest_velocity
+    yaw, standing = command.base_velocity[2], stands(signals)
     integral = memory.yaw_integral + CONTROL_PERIOD_S * (yaw - signals.yaw_rate)
+    turning = abs(yaw) >= REST_VELOCITY
     memory.yaw_integral = clip(integral, -config.yaw_limit_rad, config.yaw_limit_rad) if turning else 0.0
     push = 0.0
     for wheel in range(4):
         angle = signals.joint_position[_FIRST_WHEEL + wheel]
         if memory.standing == 0.0:
             memory.held[wheel] = angle
-        memory.wheel_hold[wheel] = 0.0 if driving else memory.held[wheel] - angle
+        memory.wheel_hold[wheel] = memory.held[wheel] - angle if standing else 0.0
         push += LEFT_MINUS_RIGHT[wheel] * signals.joint_torque[_FIRST_WHEEL + wheel]
-    memory.standing = 0.0 if driving else 1.0
+    memory.standing = 1.0 if standing else 0.0
     traction = push / (4.0 * WHEEL_RADIUS_M)
     memory.steering_traction += config.traction_smoothing * (traction - memory.steering_traction)
 

@@ -13,6 +13,9 @@ from control.records import record
 from control.small_algebra import rotate_back
 from control.whole_body.controller import ControllerInput
 
+REST_VELOCITY = 0.01
+"""Commanded base velocity, m/s and rad/s alike, below which the robot stands and holds its wheels."""
+
 TASK_SIGNALS = record(
     angular_velocity=3,
     gravity=3,
@@ -55,6 +58,13 @@ def force_error(signals: np.record, axis: int) -> float:
     """Estimate minus reference, N, on one axis; zero on a position axis."""
     command = signals.command
     return command.mask[axis] * (signals.force_estimated_n[axis] - command.force_n[axis])
+
+
+@kernel("b1(Signals)", Signals=TASK_SIGNALS)
+def stands(signals: np.record) -> bool:
+    """Whether the base is commanded to stand: neither to roll nor to turn."""
+    velocity = signals.command.base_velocity
+    return abs(velocity[0]) < REST_VELOCITY and abs(velocity[2]) < REST_VELOCITY
 
 
 @kernel("void(matrix, vector, f8, vector, vector, vector, vector, vector, matrix, vector, Signals[::1])", Signals=TASK_SIGNALS)

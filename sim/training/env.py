@@ -13,8 +13,11 @@ from control.command.limits import CommandLimits
 from control.joints import JOINT_COUNT, NOMINAL_BASE_HEIGHT_M
 from control.policy.action import ActionMap
 from control.policy.observation import EXTENDED_FORM, RESIDUAL_FORM, Observation, advance_phase
+from control.robot_model import RobotModel
 from control.timing import CONTROL_PERIOD_S
 from control.whole_body.arm import ArmConfig
+from control.whole_body.model_based import ModelBasedConfig, ModelBasedLaw
+from control.whole_body.reference_correction import CORRECTION
 from control.whole_body.task_memory import TASK_MEMORY, TaskMemory, TaskMemoryConfig
 from control.whole_body.task_signals import TASK_SIGNALS
 from sim.training.batch_rotations import (
@@ -30,7 +33,6 @@ from sim.training.references import BatchedReferences
 from sim.training.rewards import RewardInput, RewardScales, rewards
 from sim.training.robot import SUBSTEPS, BatchedRobot, Randomization
 from sim.training.surrogate import EstimatorSurrogate, SurrogateParameters, fitted_surrogate
-from sim.training.teacher import BatchedTeacher
 
 PRIVILEGED_SIZE = 23
 _ALL = slice(None)
@@ -110,7 +112,9 @@ class TrainingEnv:
         self.estimator = EstimatorSurrogate(surrogate, self.robot.mass_scale, random)
         self._corrects = config.form == RESIDUAL_FORM
         # A residual policy corrects the controller as it runs on the robot.
-        self.teacher = BatchedTeacher(self.robot, ArmConfig() if self._corrects else config.teacher_arm)
+        arm = ArmConfig() if self._corrects else config.teacher_arm
+        self._teacher = ModelBasedLaw(RobotModel(), ModelBasedConfig(arm=arm), count)
+        self._no_correction = np.zeros(count, CORRECTION)
         self.memory = TaskMemory(TaskMemoryConfig(), count)
         self.form = Observation(config.form)
         self.action_map = ActionMap()
@@ -132,15 +136,17 @@ class TrainingEnv:
 
     def teacher_action(self) -> np.ndarray:
         """Action (n, 22) of the teacher at the current observation; call once per step."""
-        return self.action_map.actions(self.teacher.targets(self.signals, self.memory.values))
+        return self.action_map.actions(self._teacher_targets(self._no_correction))
+
+    def _teacher_targets(self, corrections: np.ndarray) -> np.ndarray:
+        return self._teacher.targets(self.robot.terms, self.signals, self.memory.values, corrections)
 
     def step(self, action: np.ndarray) -> StepResult:
         """Act (n, 22) for one control period; with the residual form the action corrects the teacher's."""
         config, robot = self.config, self.robot
         action = action.astype(float)
         if self._corrects:
-            correction = self.action_map.reference_correction(action)
-            targets = self.teacher.targets(self.signals, self.memory.values, correction)
+            targets = self._teacher_targets(self.action_map.reference_corrections(action))
             action = self.action_map.corrected_actions(targets, action)
         else:
             action = self.action_map.limited(action)
@@ -177,7 +183,7 @@ class TrainingEnv:
 
     def _reset(self, ids: np.ndarray) -> None:
         self.robot.reset(ids)
-        self.teacher.reset(ids)
+        self._teacher.reset(ids)
         self.memory.reset(ids)
         self.estimator.reset(ids)
         self._action[ids] = 0.0

@@ -8,7 +8,8 @@ import mujoco
 import numpy as np
 
 from control.frames import rotation_heading_to_world
-from control.joints import END_EFFECTOR_FRAME, LEGS, WHEEL_HALF_WIDTH_M, WHEEL_RADIUS_M
+from control.joints import END_EFFECTOR_FRAME, LEGS
+from control.wheel_geometry import lowest_points
 from sim.backends.protocol import GroundTruth
 
 _CONTACT_THRESHOLD_N = 1e-6
@@ -54,19 +55,8 @@ class GroundTruthReader:
         )
 
     def lowest_wheel_points(self) -> np.ndarray:
-        """Support points (4, 3) in world of the wheel ellipsoids against level ground, with or without contact.
-
-        An ellipsoid of revolution with axis a, radius r and half width w has R A^2 R' = r^2 I + (w^2 - r^2) a a', so its
-        lowest point is c - (r^2 z + (w^2 - r^2) a_z a) / sqrt(r^2 + (w^2 - r^2) a_z^2).
-        """
-        data = self._data
-        radius_squared = WHEEL_RADIUS_M**2
-        difference = WHEEL_HALF_WIDTH_M**2 - radius_squared
-        axis = self._geom_axis_y[self._wheel_geoms]
-        tilt = axis[:, 2:]
-        offset = difference * tilt * axis
-        offset[:, 2] += radius_squared
-        return data.geom_xpos[self._wheel_geoms] - offset / np.sqrt(radius_squared + difference * tilt * tilt)
+        """Lowest points (4, 3) m, in world, of the wheels, with or without contact."""
+        return lowest_points(self._data.geom_xpos[self._wheel_geoms], self._geom_axis_y[self._wheel_geoms])
 
     def _remove_self_contact(self, forces: np.ndarray) -> None:
         """Take contacts of the robot with itself out of `forces` (5, 3) in world: they are not the environment's."""

@@ -28,8 +28,11 @@ from control.policy.policy_weights import (
 )
 from control.robot_model import RobotModel
 from control.types import BaseState, SensorFrame
+from control.whole_body.body_terms import body_terms
 from control.whole_body.controller import ControllerInput
-from control.whole_body.model_based import ModelBasedController
+from control.whole_body.model_based import ModelBasedConfig, ModelBasedLaw
+from control.whole_body.task_memory import TaskMemory, TaskMemoryConfig
+from control.whole_body.task_signals import task_signals
 
 
 def random_arrays(layers: tuple[int, ...], seed: int = 0) -> dict[str, np.ndarray]:
@@ -178,12 +181,16 @@ def test_a_residual_policy_adds_a_bounded_correction_to_the_model_based_controll
     layers, limit, action_map = (Observation(RESIDUAL_FORM).size, 22), ActionScales().correction_limit, ActionMap()
     arrays = {"weight_0": np.zeros((22, layers[0])), "bias_0": np.linspace(-5.0, 5.0, 22)}
     save_policy(tmp_path, PolicyManifest("policy", RESIDUAL_FORM, interface(RESIDUAL_FORM), layers), arrays)
-    controller, plain = PolicyController(*load_policy("policy", tmp_path), model), ModelBasedController(model)
+    controller, plain = PolicyController(*load_policy("policy", tmp_path), model), ModelBasedLaw(model, ModelBasedConfig())
+    memory = TaskMemory(TaskMemoryConfig())
     expected = np.clip(arrays["bias_0"], -limit, limit)
     for _ in range(3):
         inputs = standing(model)
         targets = controller.step(inputs)
-        corrected = plain.step(inputs, action_map.reference_correction(arrays["bias_0"]))
+        signals = task_signals(inputs)
+        memory.step(signals)
+        corrections = action_map.reference_corrections(arrays["bias_0"][None])
+        corrected = plain.targets(body_terms(model), signals, memory.values, corrections)[0]
         added = (targets - corrected) / action_map.unit
         assert np.allclose(added[LEG_SLICE], expected[LEG_SLICE], atol=1e-5)
         assert np.allclose(added[WHEEL_SLICE.start :], 0.0, atol=1e-5)

@@ -20,21 +20,24 @@ from control.joints import (
     WHEEL_RADIUS_M,
     WHEEL_SLICE,
 )
+from control.records import packed
 from control.robot_model import GRAVITY_MPS2, RobotModel
 from control.timing import CONTROL_PERIOD_S, TICK_S
 from control.types import BaseState, SensorFrame
-from control.whole_body.arm import ArmConfig, ArmControl
+from control.whole_body.arm import ArmConfig
+from control.whole_body.body_terms import BODY_TERMS, body_terms
 from control.whole_body.controller import ControllerInput
-from control.whole_body.legs import LegConfig, LegControl, LegTargets
-from control.whole_body.model_based import ModelBasedController
-from control.whole_body.reference_correction import NO_CORRECTION, ReferenceCorrection
-from control.whole_body.stance import Stance, StanceConfig
-from control.whole_body.wheels import WheelConfig, WheelControl
+from control.whole_body.legs import LEGS, LegConfig, ground_forces
+from control.whole_body.model_based import ModelBasedConfig, ModelBasedController, ModelBasedLaw
+from control.whole_body.reference_correction import CORRECTION, NO_CORRECTION
+from control.whole_body.stance import STANCE_STATE, StanceConfig, shifted_posture, stance_record
+from control.whole_body.task_memory import TaskMemory, TaskMemoryConfig
+from control.whole_body.task_signals import TASK_SIGNALS, task_signals
+from control.whole_body.wheels import WHEEL_STATE, WHEELS, WheelConfig, wheel_targets
 from sim.backends.simulation.wrenches import Spring
 from sim.runtime.simulation import Simulation
 
 LATERAL = np.array([0.18, -0.18, 0.18, -0.18])
-EVEN = LegTargets(NOMINAL_POSITION[LEG_SLICE], np.zeros(4), 1.0)
 
 
 @pytest.fixture
@@ -70,15 +73,31 @@ def hand_command(tick, **changes):
     return replace(DEFAULT_COMMAND, position_m=position, orientation_wxyz=orientation, **changes)
 
 
-def arm_control(model, config=None):
-    return ArmControl(config or ArmConfig(), model.position_lower[ARM_SLICE], model.position_upper[ARM_SLICE], CommandLimits())
+class Law:
+    """The law of the whole body with its memory, tick by tick."""
+
+    def __init__(self, model, config=None):
+        self.law, self.memory = ModelBasedLaw(model, config or ModelBasedConfig()), TaskMemory(TaskMemoryConfig())
+
+    def arm_torque(self, tick, correction=NO_CORRECTION):
+        signals = task_signals(tick)
+        self.memory.step(signals)
+        targets = self.law.targets(body_terms(tick.model), signals, self.memory.values, correction)[0, ARM_SLICE]
+        q, dq = tick.sensor.joint_position[ARM_SLICE], tick.sensor.joint_velocity[ARM_SLICE]
+        return STIFFNESS[ARM_SLICE] * (targets - q) - DAMPING[ARM_SLICE] * dq
 
 
-def arm_torque(tick, arm=None, correction=NO_CORRECTION):
-    arm = arm or arm_control(tick.model)
-    targets = arm.step(tick, rotation_heading_to_world(tick.base.rotation_base_to_world), arm.on_force(tick), correction)
-    q, dq = tick.sensor.joint_position[ARM_SLICE], tick.sensor.joint_velocity[ARM_SLICE]
-    return STIFFNESS[ARM_SLICE] * (targets - q) - DAMPING[ARM_SLICE] * dq
+def arm_torque(tick):
+    """Of a controller's first tick."""
+    law = Law(RobotModel())
+    return law.arm_torque(tick)
+
+
+def correction_of(**parts):
+    correction = np.zeros(1, CORRECTION)
+    for name, value in parts.items():
+        correction[name] = value
+    return correction
 
 
 @pytest.mark.parametrize("tilt", [0.0, 0.2, -0.2])
@@ -103,8 +122,9 @@ def test_a_correction_moves_position_axes_presses_force_axes_and_turns_the_hand(
     tick = replace(tick, command=hand_command(tick, mask=mask))
     velocity, force, turn = np.array([0.03, -0.02, 0.04]), np.array([5.0, 4.0, -3.0]), np.array([0.1, -0.05, 0.08])
     config = replace(ArmConfig(), damping=1e-6)
-    plain, corrected = arm_control(model, config), arm_control(model, config)
-    added = arm_torque(tick, corrected, ReferenceCorrection(velocity, force, turn, np.zeros(2))) - arm_torque(tick, plain)
+    plain, corrected = (Law(RobotModel(), ModelBasedConfig(arm=config)) for _ in range(2))
+    correction = correction_of(hand_velocity=velocity, hand_force=force, hand_angular_velocity=turn)
+    added = corrected.arm_torque(tick, correction) - plain.arm_torque(tick)
     rows = model.joint_rows[ARM_SLICE]
     jacobian, inertia = model.end_effector_jacobian[:, rows], model.mass_matrix[np.ix_(rows, rows)]
     added -= jacobian[:3].T @ (mask * force)
@@ -115,14 +135,14 @@ def test_a_correction_moves_position_axes_presses_force_axes_and_turns_the_hand(
 def test_a_force_axis_pushes_harder_while_the_estimate_is_too_low(model):
     tick = inputs(model)
     command = hand_command(tick, mask=np.array([0.0, 0.0, 1.0]), force_n=np.array([0.0, 0.0, 10.0]))
-    arm = arm_control(model)
+    law = Law(RobotModel())
     low = replace(tick, command=command, force_estimated_n=np.array([0.0, 0.0, 4.0]))
     jacobian = model.end_effector_jacobian[2, model.joint_rows[ARM_SLICE]]
-    first = arm_torque(low, arm)
+    first = law.arm_torque(low)
     assert (first - model.gravity[model.joint_rows[ARM_SLICE]]) @ jacobian < 0.0
     later = first
     for _ in range(20):
-        later = arm_torque(low, arm)
+        later = law.arm_torque(low)
     assert (later - first) @ jacobian < 0.0
 
 
@@ -166,12 +186,15 @@ def test_a_hand_error_is_approached_at_a_limited_speed(model):
     assert np.abs(torque - model.gravity[model.joint_rows[ARM_SLICE]]).max() < 20.0
 
 
+def balance(tick, hand_force=(0.0, 0.0, 0.0)):
+    legs, forces = packed(LEGS, LegConfig(), total_mass=tick.model.total_mass), np.empty((4, 3))
+    ground_forces(legs[0], body_terms(tick.model)[0], task_signals(tick)[0], np.array(hand_force), forces)
+    return forces
+
+
 @pytest.mark.parametrize("force", [(0.0, 0.0, 0.0), (20.0, -10.0, 0.0), (0.0, 15.0, -20.0)])
 def test_ground_forces_balance_weight_and_hand_force(model, force):
-    tick = inputs(model)
-    legs = LegControl(LegConfig(), Stance(StanceConfig(), model))
-    tick = inputs(model)
-    ground = legs.ground_forces(tick, np.eye(3), np.array(force))
+    ground = balance(inputs(model), force)
     weight = np.array([0.0, 0.0, -model.total_mass * GRAVITY_MPS2])
     assert np.allclose(ground.sum(axis=0) + force + weight, 0.0, atol=1e-8)
     moment = skew(model.end_effector_position - model.center_of_mass) @ np.array(force)
@@ -180,39 +203,47 @@ def test_ground_forces_balance_weight_and_hand_force(model, force):
     assert np.allclose(moment, 0.0, atol=1e-8)
 
 
+def test_no_other_ground_forces_that_balance_are_smaller(model):
+    ground = balance(inputs(model, tilt=0.1), (20.0, -10.0, 5.0))
+    grasp = np.concatenate([np.concatenate([np.eye(3), skew(r)]) for r in model.wheel_contact_positions], axis=1)
+    smallest = np.linalg.pinv(grasp) @ (grasp @ ground.reshape(12))
+    assert np.allclose(ground.reshape(12), smallest, atol=1e-8)
+
+
 def test_a_pitched_trunk_gets_a_restoring_moment(model):
-    legs = LegControl(LegConfig(), Stance(StanceConfig(), model))
-    level = legs.ground_forces(inputs(model), np.eye(3), np.zeros(3))
-    nose_down = legs.ground_forces(inputs(model, tilt=0.1), np.eye(3), np.zeros(3))
+    gain = (balance(inputs(model, tilt=0.1)) - balance(inputs(model)))[:, 2]
     front, rear = slice(0, 2), slice(2, 4)
-    gain = (nose_down - level)[:, 2]
     assert gain[front].sum() > gain[rear].sum()
+
+
+def stand(model, config, vertical_forces, periods):
+    """Leg posture (12,) and state of a stance with these loads of the wheels after some periods."""
+    stance, state, posture = stance_record(config, model), np.zeros(1, STANCE_STATE), np.empty(12)
+    terms, forces = np.zeros(1, BODY_TERMS), np.zeros((4, 3))
+    terms["rotation_heading_to_world"] = np.eye(3)
+    model.update_configuration(np.eye(3), NOMINAL_POSITION)
+    terms["contacts"], forces[:, 2] = model.wheel_contact_positions, vertical_forces
+    for _ in range(periods):
+        shifted_posture(stance[0], terms[0], forces, state[0], posture)
+    return posture, state[0]
 
 
 def test_the_stance_follows_the_centre_of_pressure_and_its_legs_put_the_wheels_there(model):
     config = StanceConfig(return_gain=0.0)
-    stance = Stance(config, model)
-    model.update_configuration(np.eye(3), NOMINAL_POSITION)
+    posture, state = stand(model, config, (100.0, 100.0, 10.0, 10.0), 200)
     nominal = model.wheel_contact_positions.copy()
-    front_loaded = np.array([100.0, 100.0, 10.0, 10.0])
-    legs = NOMINAL_POSITION[LEG_SLICE]
-    for _ in range(200):
-        legs = stance.step(front_loaded, nominal)
-    posture = NOMINAL_POSITION.copy()
-    posture[LEG_SLICE] = legs
-    model.update_configuration(np.eye(3), posture)
+    bent = NOMINAL_POSITION.copy()
+    bent[LEG_SLICE] = posture
+    model.update_configuration(np.eye(3), bent)
     moved = model.wheel_contact_positions - nominal
     assert np.allclose(moved[:, 0], config.limit_m, atol=6e-3)
     assert np.allclose(moved[:, 1], 0.0, atol=1e-3)
-    assert np.allclose(stance.shift_velocity, 0.0)
+    assert np.allclose(state.shift_velocity, 0.0)
 
 
 def test_the_stance_leaves_small_offsets_alone(model):
-    stance = Stance(StanceConfig(), model)
-    model.update_configuration(np.eye(3), NOMINAL_POSITION)
-    contacts = model.wheel_contact_positions
-    legs = stance.step(np.array([62.0, 62.0, 55.0, 55.0]), contacts)
-    assert np.allclose(legs, NOMINAL_POSITION[LEG_SLICE])
+    posture, _ = stand(model, StanceConfig(), (62.0, 62.0, 55.0, 55.0), 1)
+    assert np.allclose(posture, NOMINAL_POSITION[LEG_SLICE])
 
 
 def test_rolling_wheels_tell_the_base_velocity(model):
@@ -222,83 +253,101 @@ def test_rolling_wheels_tell_the_base_velocity(model):
     assert np.allclose(rolling_velocity(model), [0.4, 0.0, 0.0], atol=1e-9)
 
 
-def wheels(model):
-    return WheelControl(WheelConfig(), model.joint_damping[WHEEL_SLICE], model.joint_friction[WHEEL_SLICE])
+class Wheels:
+    """The wheels' law with its memory and state; contacts at LATERAL, evenly loaded unless told otherwise."""
+
+    def __init__(self, model):
+        self.gains = packed(
+            WHEELS,
+            WheelConfig(),
+            joint_damping=model.joint_damping[WHEEL_SLICE],
+            joint_friction=model.joint_friction[WHEEL_SLICE],
+        )
+        self.terms, self.state = np.zeros(1, BODY_TERMS), np.zeros(1, WHEEL_STATE)
+        self.terms["rotation_heading_to_world"] = np.eye(3)
+        self.terms["contacts"][0, :, 1] = LATERAL
+        self.memory = TaskMemory(TaskMemoryConfig())
+
+    def step(self, signals, support=1.0, correction=NO_CORRECTION):
+        self.memory.step(signals)
+        out, memory = np.empty(4), self.memory.values[0]
+        now = self.terms[0], signals[0], memory, correction[0]
+        wheel_targets(self.gains[0], *now, np.zeros(4), support, 0.0, self.state[0], out)
+        return out
 
 
-def driving(model, forward=0.0, yaw=0.0, **options):
-    return inputs(model, replace(DEFAULT_COMMAND, base_velocity=np.array([forward, 0.0, yaw])), **options)
+def driving(forward=0.0, yaw=0.0, torque=0.0, wheel_angle=0.0):
+    signals = np.zeros(1, TASK_SIGNALS)
+    signals["command"]["base_velocity"] = (forward, 0.0, yaw)
+    signals["joint_position"][0, WHEEL_SLICE] = wheel_angle
+    signals["joint_torque"][0, 4] = torque
+    return signals
+
+
+SATURATED = -1.1 * TORQUE_LIMIT[4]
+"""Torque of a thigh."""
 
 
 def test_wheels_roll_at_the_commanded_speed_plus_what_their_drag_needs(model):
-    targets = wheels(model).step(driving(model, forward=0.43), LATERAL, EVEN, 0.0)
+    targets = Wheels(model).step(driving(forward=0.43))
     rolling = 0.43 / WHEEL_RADIUS_M
     drag = model.joint_damping[WHEEL_SLICE] * rolling + model.joint_friction[WHEEL_SLICE]
     assert np.allclose(targets, rolling + drag / DAMPING[WHEEL_SLICE], rtol=1e-3)
 
 
 def test_turning_left_drives_the_right_wheels_ahead_and_builds_up_against_scrub(model):
-    wheel_control = wheels(model)
-    first = wheel_control.step(driving(model, yaw=0.4), LATERAL, EVEN, 0.0)
+    wheels = Wheels(model)
+    first = wheels.step(driving(yaw=0.4))
     assert np.all(first[[1, 3]] > 0.0)
     assert np.all(first[[0, 2]] < 0.0)
-    second = wheel_control.step(driving(model, yaw=0.4), LATERAL, EVEN, 0.0)
+    second = wheels.step(driving(yaw=0.4))
     assert np.all(np.abs(second) > np.abs(first))
 
 
 def test_the_turn_is_given_up_while_a_leg_is_saturated_and_taken_up_again(model):
-    wheel_control = wheels(model)
-    free = wheel_control.step(driving(model, yaw=0.4), LATERAL, EVEN, 0.0)
-    torque = np.zeros(JOINT_COUNT)
-    torque[4] = -1.1 * TORQUE_LIMIT[4]
-    relieved = wheel_control.step(driving(model, yaw=0.4, torque=torque), LATERAL, EVEN, 0.0)
+    wheels = Wheels(model)
+    free = wheels.step(driving(yaw=0.4))
+    relieved = wheels.step(driving(yaw=0.4, torque=SATURATED))
     assert np.allclose(relieved, 0.0, atol=1e-9)
     for _ in range(round(WheelConfig().relief_time_s / CONTROL_PERIOD_S) + 1):
-        relieved = wheel_control.step(driving(model, yaw=0.4), LATERAL, EVEN, 0.0)
+        relieved = wheels.step(driving(yaw=0.4))
     assert np.all(np.abs(relieved) > np.abs(free))
 
 
 def base_correction(forward, turn):
-    return replace(NO_CORRECTION, base_velocity=np.array([forward, turn]))
+    return correction_of(base_velocity=(forward, turn))
 
 
 def test_a_correction_of_the_base_drives_on_and_turns_unless_the_legs_cannot_bear_it(model):
-    plain = wheels(model).step(driving(model, forward=0.4), LATERAL, EVEN, 0.0)
-    faster = wheels(model).step(driving(model, forward=0.3), LATERAL, EVEN, 0.0, base_correction(0.1, 0.0))
+    plain = Wheels(model).step(driving(forward=0.4))
+    faster = Wheels(model).step(driving(forward=0.3), correction=base_correction(0.1, 0.0))
     assert np.allclose(faster, plain, atol=1e-9)
 
-    turning = wheels(model).step(driving(model, forward=0.4), LATERAL, EVEN, 0.0, base_correction(0.0, 0.2)) - plain
+    turning = Wheels(model).step(driving(forward=0.4), correction=base_correction(0.0, 0.2)) - plain
     drag = 1.0 + model.joint_damping[WHEEL_SLICE] / DAMPING[WHEEL_SLICE]
     assert np.allclose(turning, -0.2 * LATERAL / WHEEL_RADIUS_M * drag, rtol=1e-3)
 
-    torque = np.zeros(JOINT_COUNT)
-    torque[4] = -1.1 * TORQUE_LIMIT[4]
-    saturated = driving(model, forward=0.4, torque=torque)
-    relieved = wheels(model).step(saturated, LATERAL, EVEN, 0.0, base_correction(0.0, 0.2))
+    relieved = Wheels(model).step(driving(forward=0.4, torque=SATURATED), correction=base_correction(0.0, 0.2))
     assert np.allclose(relieved, plain, atol=1e-9)
 
 
 def test_a_correction_of_the_base_leaves_standing_wheels_alone(model):
-    assert np.allclose(wheels(model).step(driving(model), LATERAL, EVEN, 0.0, base_correction(0.1, 0.2)), 0.0)
+    assert np.allclose(Wheels(model).step(driving(), correction=base_correction(0.1, 0.2)), 0.0)
 
 
 def test_the_turn_is_given_up_as_a_wheel_is_about_to_lift(model):
     turns = []
     for support in (1.0, 0.15, -0.1):
-        targets = wheels(model).step(driving(model, yaw=0.4), LATERAL, replace(EVEN, support=support), 0.0)
+        targets = Wheels(model).step(driving(yaw=0.4), support)
         turns.append(targets[1] - targets[0])
     assert turns[0] > 1.5 * turns[1] > 0.0
     assert turns[2] == pytest.approx(0.0, abs=1e-9)
 
 
 def test_standing_wheels_hold_their_angle(model):
-    wheel_control = wheels(model)
-    tick = driving(model)
-    assert np.allclose(wheel_control.step(tick, LATERAL, EVEN, 0.0), 0.0)
-    moved = NOMINAL_POSITION.copy()
-    moved[WHEEL_SLICE] += 0.1
-    tick = replace(tick, sensor=replace(tick.sensor, joint_position=moved))
-    assert np.all(wheel_control.step(tick, LATERAL, EVEN, 0.0) < 0.0)
+    wheels = Wheels(model)
+    assert np.allclose(wheels.step(driving()), 0.0)
+    assert np.all(wheels.step(driving(wheel_angle=0.1)) < 0.0)
 
 
 def test_targets_are_a_fresh_array_and_repeat_after_reset(model):
