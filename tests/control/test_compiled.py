@@ -6,14 +6,14 @@ import sys
 import textwrap
 from pathlib import Path
 
-import numba
 import numpy as np
 import pytest
+from numba.core import config
 
 from control.compiled import KernelError, kernel
 from control.paths import ROOT
 
-COMPILED = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="kernels are plain Python")
+COMPILED = pytest.mark.skipif(bool(config.DISABLE_JIT), reason="kernels are plain Python")
 
 INNER = """
     from control.compiled import kernel
