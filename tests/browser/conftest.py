@@ -7,20 +7,16 @@ frames per second, so tests wait for conditions, mostly of the REST state, and n
 import os
 import shutil
 import signal
-import subprocess
-import sys
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from types import FrameType
 
 import pytest
-from console_page import PATIENCE_S, ROBOT_DOMAIN, Api, Client, Server
+from console_page import PATIENCE_S, ROBOT_DOMAIN, Api, Client, Server, start_server
 from playwright.sync_api import Browser, Page, ViewportSize, sync_playwright
 from tcp_proxy import TcpProxy
 
 from sim.emulator.process import free_udp_port
 
-ROOT = Path(__file__).resolve().parents[2]
 VIEWPORT: ViewportSize = {"width": 1280, "height": 800}
 SMALL: ViewportSize = {"width": 1000, "height": 600}
 HANG_S = 240
@@ -64,16 +60,9 @@ def arm_port() -> int:
 
 @pytest.fixture(scope="session")
 def server(browser: Browser, arm_port: int) -> Iterator[Server]:
-    command = [sys.executable, "-m", "server", "--no-browser", "--port", "0"]
-    command += ["--domain", str(ROBOT_DOMAIN), "--arm-port", str(arm_port)]
-    environment = os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "PYTHONUNBUFFERED": "1"}
-    process = subprocess.Popen(command, cwd=ROOT, env=environment, stdout=subprocess.PIPE, text=True)
-    assert process.stdout is not None
-    address = next((line.split()[-1].rstrip("/") for line in process.stdout if line.startswith("Forcelens is at")), None)
-    assert address is not None, f"the server ended with status {process.wait()}"
-    yield Server(process, Api(address))
-    process.terminate()
-    process.wait(timeout=20.0)
+    server = start_server("--domain", str(ROBOT_DOMAIN), "--arm-port", str(arm_port))
+    yield server
+    server.stop()
 
 
 @pytest.fixture

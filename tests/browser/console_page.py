@@ -3,6 +3,7 @@
 import json
 import os
 import subprocess
+import sys
 import time
 import urllib.request
 from collections.abc import Callable
@@ -12,6 +13,7 @@ from typing import Any
 
 from playwright.sync_api import FrameLocator, Locator, Page
 
+ROOT = Path(__file__).resolve().parents[2]
 PATIENCE_S = 60.0
 ROBOT_DOMAIN = 100 + os.getpid() % 100
 """DDS domain of the robot that the console meets when it is switched to hardware."""
@@ -43,16 +45,21 @@ def happens(condition: Callable[[], Any], within_s: float) -> Any:
 
 
 class Api:
-    """The console's REST interface."""
+    """The console's REST interface.
 
-    def __init__(self, address: str) -> None:
+    Attributes:
+        address: of the page, without a token.
+    """
+
+    def __init__(self, address: str, token: str | None = None) -> None:
         self.address = address
+        self._headers = {"Content-Type": "application/json"}
+        if token is not None:
+            self._headers["Authorization"] = f"Bearer {token}"
 
     def call(self, method: str, path: str, body: dict[str, Any] | None = None) -> Any:
         data = None if body is None else json.dumps(body).encode()
-        request = urllib.request.Request(
-            f"{self.address}/api/v1/{path}", data, {"Content-Type": "application/json"}, method=method
-        )
+        request = urllib.request.Request(f"{self.address}/api/v1/{path}", data, self._headers, method=method)
         with urllib.request.urlopen(request, timeout=20.0) as response:
             return json.load(response)
 
@@ -66,10 +73,17 @@ class Api:
 
 @dataclass
 class Server:
-    """A console in a process of its own."""
+    """A console in a process of its own.
+
+    Attributes:
+        process: its web process.
+        api: its REST interface.
+        printed: the address that it printed.
+    """
 
     process: subprocess.Popen[str]
     api: Api
+    printed: str
 
     def control_pid(self) -> int:
         """Process id of the control process, the server's spawned child."""
@@ -78,6 +92,23 @@ class Server:
         spawned = [int(pid) for pid in children if "spawn_main" in Path(f"/proc/{pid}/cmdline").read_text()]
         assert len(spawned) == 1
         return spawned[0]
+
+    def stop(self) -> None:
+        """End it, and wait until it has ended."""
+        self.process.terminate()
+        self.process.communicate(timeout=20.0)
+
+
+def start_server(*arguments: str, port: int = 0, token: str | None = None) -> Server:
+    """Start a console and wait until it says where it is."""
+    command = [sys.executable, "-m", "server", "--no-browser", "--port", str(port), *arguments]
+    environment = os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "PYTHONUNBUFFERED": "1"}
+    environment["FORCELENS_TOKEN"] = token or ""
+    process = subprocess.Popen(command, cwd=ROOT, env=environment, stdout=subprocess.PIPE, text=True)
+    assert process.stdout is not None
+    printed = next((line.split()[-1] for line in process.stdout if line.startswith("Forcelens is at")), None)
+    assert printed is not None, f"the server ended with status {process.wait()}"
+    return Server(process, Api(printed.partition("?")[0].rstrip("/"), token), printed)
 
 
 @dataclass
