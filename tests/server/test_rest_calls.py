@@ -194,6 +194,21 @@ def test_wrenches_expire_by_themselves(server: RunningServer) -> None:
     assert strict(server.http.get("/api/v1/wrenches")) == []
 
 
+def test_a_simulation_that_diverges_is_no_healthy_one_until_its_reset(server: RunningServer) -> None:
+    for _ in range(40):
+        body = {"force_n": [200, 0, 200], "frame": "world", "duration_s": 60.0}
+        server.http.post("/api/v1/wrenches", json=body).raise_for_status()
+    state = server.wait_for(lambda state: state["failure"] is not None)
+    assert state["mode"] == "fault" and "BACKEND_FAILED" in state["faults"]
+    health = server.http.get("/api/v1/health")
+    assert (health.status_code, health.json()["status"]) == (503, "failed")
+    assert "reset" in health.json()["reason"]
+    server.http.post("/api/v1/reset").raise_for_status()
+    state = server.wait_for(lambda state: state["mode"] == "running")
+    assert state["failure"] is None and "BACKEND_FAILED" not in state["faults"]
+    assert server.http.get("/api/v1/health").json()["status"] == "ok"
+
+
 def test_estop_latches_survives_everything_but_its_clearing_and_forbids_commands(server: RunningServer) -> None:
     server.http.patch("/api/v1/command", json={"base_velocity": [0.2, 0, 0]})
     assert strict(server.http.post("/api/v1/estop")) == {"latched": True, "mode": "estop"}
