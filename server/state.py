@@ -14,7 +14,7 @@ from control.joints import JOINT_NAMES, LEGS
 from control.safety import Fault
 from control.types import Command
 from server.answers.command import CommandAnswer, CommandFields
-from server.answers.state import Base, Contact, Drive, EndEffector, Joints, Loop
+from server.answers.state import BACKEND_FAILED, Base, Contact, Drive, EndEffector, Joints, Loop
 from server.pacing import LOOP_OVERRUNS, OVERRUN_SHARE_LIMIT
 from server.silence import NO_SILENCE, Silence
 from sim.backends.hardware.states import DriveState, Trip, describe
@@ -30,9 +30,15 @@ def _number(value: Any) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
+def failure(record: np.void) -> str | None:
+    """Why the backend steps no more, with the cure; None while it does."""
+    return record["failure"].decode(errors="replace") or None
+
+
 def faults(record: np.void) -> list[str]:
-    """Names of what is wrong: what the safety gate reports, and whether the loop keeps its rate."""
-    names = [fault.name for fault in Fault(int(record["faults"])) if fault.name is not None]
+    """Names of what is wrong: with the backend, as the safety gate reports, and with the loop's rate."""
+    names = [BACKEND_FAILED] if record["failure"] else []
+    names += [fault.name for fault in Fault(int(record["faults"])) if fault.name is not None]
     return names if record["overrun_share"] < OVERRUN_SHARE_LIMIT else [*names, LOOP_OVERRUNS]
 
 
@@ -110,10 +116,9 @@ def _drive(record: np.void) -> Drive | None:
     """State of a robot's drives; None in simulation."""
     if not on_hardware(record):
         return None
-    faults = describe(Trip(int(record["drive_faults"])))
     return {
         "state": DriveState(int(record["drive_state"])).name.lower(),
-        "faults": faults,
+        "faults": describe(Trip(int(record["drive_faults"]))),
         "dry_run": bool(record["dry_run"]),
     }
 
@@ -146,6 +151,7 @@ SECTIONS: dict[str, Callable[[np.void], Any]] = {
     "stale_s": lambda _: 0.0,
     "mode": lambda record: Mode(int(record["mode"])).name.lower(),
     "faults": faults,
+    "failure": failure,
     "backend": lambda record: record["backend"].decode(),
     "drive": _drive,
     "scene": lambda record: record["scene"].decode(),

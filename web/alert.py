@@ -31,6 +31,8 @@ def alert_text(snapshot: np.void | None) -> tuple[str, str] | None:
     mode = Mode(snapshot["mode"])
     if mode is Mode.ESTOP:
         return "E-stop is latched: the drives only damp. Clear it in the bar at the top.", theme.ALERT
+    if snapshot["failure"]:
+        return f"Stopped: {snapshot['failure'].decode(errors='replace')}.", theme.ALERT
     faults = ", ".join(words for fault, words in _FAULT_WORDS.items() if snapshot["faults"] & fault)
     if on_hardware(snapshot):
         faults = ", ".join(describe(Trip(int(snapshot["drive_faults"]))))

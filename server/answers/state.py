@@ -11,8 +11,17 @@ from server.silence import CONTROL_PROCESS_DEAD, CONTROL_PROCESS_SILENT
 from sim.backends.hardware.states import DriveState
 from sim.runtime.snapshot import Mode
 
+BACKEND_FAILED = "BACKEND_FAILED"
+"""Name of the fault whose reason is the state's `failure`."""
+
 _FAULTS = OneOf(
-    (*(fault.name for fault in Fault if fault.name is not None), LOOP_OVERRUNS, CONTROL_PROCESS_DEAD, CONTROL_PROCESS_SILENT),
+    (
+        BACKEND_FAILED,
+        *(fault.name for fault in Fault if fault.name is not None),
+        LOOP_OVERRUNS,
+        CONTROL_PROCESS_DEAD,
+        CONTROL_PROCESS_SILENT,
+    ),
 )
 
 
@@ -122,7 +131,10 @@ class StateAnswer(Answer):
     mode: Annotated[str, names_of(Mode)]
     """`estop` while the e-stop is latched, `fault` while the drives damp for another reason"""
     faults: list[Annotated[str, _FAULTS]]
-    """why the safety gate damps, or what it limits; or that the control process is dead, silent or too slow"""
+    """why the safety gate damps, or what it limits; or that the backend failed, or that the control process is dead, silent or
+    too slow"""
+    failure: str | None
+    """why the backend steps no more, such as a simulation that diverged, with the cure; null while it does"""
     backend: str
     """what the pipeline drives"""
     drive: Drive | None

@@ -48,6 +48,7 @@ SNAPSHOT = np.dtype(
         ("published_s", "f8"),  # time.monotonic() of the snapshot
         ("mode", "u1"),  # Mode
         ("faults", "u4"),  # control.safety.Fault bits
+        ("failure", "S160"),  # why the backend steps no more, and the cure; empty while it does
         ("backend", NAME),
         ("drive_state", "u1"),  # sim.backends.hardware.states.DriveState; on hardware only, as the next two
         ("drive_faults", "u4"),  # Trip bits

@@ -89,6 +89,12 @@ def test_every_fault_has_words(snapshot: np.void) -> None:
         assert "unknown" not in alert[0], fault
 
 
+def test_a_failed_backend_is_an_alert_with_its_cure(snapshot: np.void) -> None:
+    snapshot["mode"], snapshot["failure"] = Mode.FAULT, b"the simulation diverged; reset it"
+    alert = alert_text(snapshot)
+    assert alert is not None and "reset it" in alert[0]
+
+
 @pytest.mark.parametrize("mode", [Mode.RUNNING, Mode.PAUSED])
 def test_there_is_no_alert_when_all_is_well(snapshot: np.void, mode: Mode) -> None:
     snapshot["mode"] = mode

@@ -12,6 +12,7 @@ import { reporting } from "./toast.js";
 const RATE_HZ = 10;
 const DEAD = "CONTROL_PROCESS_DEAD";
 const SILENT = "CONTROL_PROCESS_SILENT";
+const TOLD_APART = new Set([DEAD, SILENT, "BACKEND_FAILED"]);
 
 const FAULT_WORDS = {
   tilt: "the base tilts too far",
@@ -45,6 +46,7 @@ function onState(state) {
   if (pauseButton.textContent !== label) pauseButton.textContent = label;
   pauseButton.setAttribute("aria-pressed", String(halted));
   showFaults(state);
+  showFailure(state);
   showSilence(state);
 }
 
@@ -66,11 +68,18 @@ function showSilence({ faults, stale_s: stale }) {
   });
 }
 
+/** The backend steps no more: time stands still until the cure. */
+function showFailure({ failure, drive }) {
+  if (!failure) return hideBanner("failure");
+  const cure = drive ? undefined : { label: "Reset the simulation", act: reset };
+  showBanner("failure", "stop", `Stopped: ${failure}.`, cure);
+}
+
 /** Faults that damp get a banner; limits that come and go are told in the status bar, which does not move the scene. */
 function showFaults(state) {
-  const faults = state.faults.filter((fault) => fault !== DEAD && fault !== SILENT).map((fault) => FAULT_WORDS[fault.toLowerCase()] ?? fault);
+  const faults = state.faults.filter((fault) => !TOLD_APART.has(fault)).map((fault) => FAULT_WORDS[fault.toLowerCase()] ?? fault);
   const words = [...(state.drive?.faults ?? []), ...faults];
-  const damped = state.mode === "fault" && words.length > 0;
+  const damped = state.mode === "fault" && words.length > 0 && !state.failure;
   if (damped) showBanner("fault", "warn", `Fault: ${words.join(", ")}. The drives only damp.`);
   else hideBanner("fault");
   showLimits(state.mode === "running" ? words : []);
