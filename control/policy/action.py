@@ -1,11 +1,15 @@
-"""Action law of the policy: joint targets from the network's action."""
+"""Action law of the policy: joint targets from the network's action, for the robot and for every robot of a batch."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from control.joints import ARM_SLICE, LEG_SLICE, WHEEL_SLICE
+from control.compiled import kernel
+from control.joints import ARM_SLICE, DAMPING, JOINT_COUNT, NOMINAL_POSITION, STIFFNESS, WHEEL_SLICE
+from control.records import config_record, packed
+from control.small_algebra import clip
 from control.whole_body.reference_correction import ReferenceCorrection
+from control.whole_body.task_signals import TASK_SIGNALS
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,23 +42,100 @@ class ActionScales:
     base_turn_rps: float = 1.0
     correction_limit: float = 1.0
 
-    def per_joint(self) -> np.ndarray:
-        """(22,) scale of each joint."""
-        return np.array([self.leg_rad] * 12 + [self.wheel_rps] * 4 + [self.arm_rad] * 6)
 
-    def joint_correction(self, action: np.ndarray) -> np.ndarray:
-        """What the action (..., 22) of a residual policy adds to the model-based action (..., 22): that of the legs."""
-        added = np.zeros_like(action)
-        added[..., LEG_SLICE] = action[..., LEG_SLICE]
-        return added
+MAP = config_record(ActionScales(), nominal=JOINT_COUNT, unit=JOINT_COUNT)
+"""The numbers of ActionScales, and per joint the target of action zero and of one unit of action: rad, wheels rad/s."""
 
-    def reference_correction(self, action: np.ndarray) -> ReferenceCorrection:
-        """What the action (..., 22) of a residual policy adds to what is asked of hand and base."""
-        arm, base = action[..., ARM_SLICE], action[..., WHEEL_SLICE][..., :2]
+_LEG_JOINTS = 12
+
+
+@kernel("f8[:,::1](Map[::1], matrix)", Map=MAP)
+def _targets(scales: np.ndarray, actions: np.ndarray) -> np.ndarray:
+    """Targets (n, 22) of actions (n, 22): nominal + unit * action."""
+    k = scales[0]
+    targets = np.empty(actions.shape)
+    for robot in range(len(actions)):
+        for joint in range(JOINT_COUNT):
+            targets[robot, joint] = k.nominal[joint] + k.unit[joint] * actions[robot, joint]
+    return targets
+
+
+@kernel("f8[:,::1](Map[::1], matrix, matrix)", Map=MAP)
+def _actions(scales: np.ndarray, targets: np.ndarray, corrections: np.ndarray) -> np.ndarray:
+    """Actions (n, 22) of targets (n, 22), corrected in the leg joints, within the largest action.
+
+    clip((target - nominal) / unit + clip(correction, +-correction_limit), +-limit); corrections (n, 22) are actions of a
+    residual policy.
+    """
+    k = scales[0]
+    actions = np.empty(targets.shape)
+    for robot in range(len(targets)):
+        for joint in range(JOINT_COUNT):
+            action = (targets[robot, joint] - k.nominal[joint]) / k.unit[joint]
+            if joint < _LEG_JOINTS:
+                action += clip(corrections[robot, joint], -k.correction_limit, k.correction_limit)
+            actions[robot, joint] = clip(action, -k.limit, k.limit)
+    return actions
+
+
+@kernel("f8[:,::1](Signals[::1])", Signals=TASK_SIGNALS)
+def _held_targets(signals: np.ndarray) -> np.ndarray:
+    """Targets (n, 22) under which the drives give the present torques: q + (tau + K_d dq) / K_p, wheels dq + tau / K_d."""
+    targets = np.empty((len(signals), JOINT_COUNT))
+    for robot in range(len(signals)):
+        s = signals[robot]
+        for joint in range(JOINT_COUNT):
+            q, dq, torque = s.joint_position[joint], s.joint_velocity[joint], s.joint_torque[joint]
+            if STIFFNESS[joint] == 0.0:
+                targets[robot, joint] = dq + torque / DAMPING[joint]
+            else:
+                targets[robot, joint] = q + (torque + DAMPING[joint] * dq) / STIFFNESS[joint]
+    return targets
+
+
+class ActionMap:
+    """Between actions (n, 22) and joint targets (n, 22), see ActionScales."""
+
+    def __init__(self, scales: ActionScales | None = None) -> None:
+        self.scales = scales = scales or ActionScales()
+        self.unit = np.array([scales.leg_rad] * 12 + [scales.wheel_rps] * 4 + [scales.arm_rad] * 6)
+        nominal = NOMINAL_POSITION.copy()
+        nominal[WHEEL_SLICE] = 0.0
+        self._map = packed(MAP, scales, nominal=nominal, unit=self.unit)
+        self._nothing = np.zeros((1, JOINT_COUNT))
+
+    def targets(self, actions: np.ndarray) -> np.ndarray:
+        """Joint targets (n, 22) of actions."""
+        return _targets(self._map, actions)
+
+    def actions(self, targets: np.ndarray) -> np.ndarray:
+        """Actions (n, 22) that ask for these targets, as far as actions can."""
+        return _actions(self._map, targets, np.broadcast_to(self._nothing, targets.shape))
+
+    def limited(self, actions: np.ndarray) -> np.ndarray:
+        """Actions (n, 22) within the largest one."""
+        return np.clip(actions, -self.scales.limit, self.scales.limit)
+
+    def held_actions(self, signals: np.ndarray) -> np.ndarray:
+        """Actions (n, 22) that keep the torques of TASK_SIGNALS (n,): what the previous ones were, whoever gave them."""
+        return self.actions(_held_targets(signals))
+
+    def corrected_actions(self, targets: np.ndarray, actions: np.ndarray) -> np.ndarray:
+        """Actions (n, 22) of a residual policy's `actions` on top of the model-based controller's `targets`.
+
+        The controller has been given what `reference_correction` makes of the same actions; the legs' part is added here.
+        """
+        return _actions(self._map, targets, actions)
+
+    def reference_correction(self, actions: np.ndarray) -> ReferenceCorrection:
+        """What the actions (n, 22) of a residual policy add to what is asked of hand and base."""
+        scales = self.scales
+        actions = np.clip(actions, -scales.correction_limit, scales.correction_limit)
+        arm, base = actions[..., ARM_SLICE], actions[..., WHEEL_SLICE][..., :2]
         linear, angular = arm[..., :3], arm[..., 3:]
         return ReferenceCorrection(
-            hand_velocity=self.hand_velocity_mps * linear,
-            hand_force=self.hand_force_n * linear,
-            hand_angular_velocity=self.hand_turn_rps * angular,
-            base_velocity=np.array([self.base_forward_mps, self.base_turn_rps]) * base,
+            hand_velocity=scales.hand_velocity_mps * linear,
+            hand_force=scales.hand_force_n * linear,
+            hand_angular_velocity=scales.hand_turn_rps * angular,
+            base_velocity=np.array([scales.base_forward_mps, scales.base_turn_rps]) * base,
         )

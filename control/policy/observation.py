@@ -1,23 +1,22 @@
-"""What the whole-body policy observes, eq. (rl_observation), for one robot and, by the same code, for a training batch.
+"""What the whole-body policy observes, eq. (rl_observation): one law for the robot and for every robot of a training batch.
 
 Forms: "paper", the paper's 89 numbers; "extended", which adds errors, integrals and the estimated motion of the base
-(control.policy.task_memory); "residual", which observes the same but corrects the model-based
-controller (control.policy.policy_controller) instead
-of acting alone. Everything is known on hardware: joint encoders and torques, the IMU, estimates made of them,
-and the robot's own commands.
+(control.whole_body.task_memory); "residual", which observes the same but corrects the model-based controller
+(control.policy.policy_controller) instead of acting alone.
 """
 
-from collections.abc import Callable
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
-from control.estimation.rolling_contact import rolling_velocity
-from control.frames import rotation_error, rotation_from_quaternion, rotation_heading_to_world
-from control.joints import ARM_SLICE, JOINT_COUNT, LEG_SLICE, NOMINAL_BASE_HEIGHT_M, NOMINAL_POSITION, WHEEL_SLICE
-from control.policy.task_memory import TaskMemory, TaskSignals
+from control.compiled import kernel
+from control.joints import JOINT_COUNT, NOMINAL_BASE_HEIGHT_M, NOMINAL_POSITION
+from control.records import config_record, packed
+from control.small_algebra import clip
 from control.timing import CONTROL_PERIOD_S
-from control.whole_body.controller import ControllerInput
+from control.whole_body.task_memory import TASK_MEMORY
+from control.whole_body.task_signals import TASK_SIGNALS, force_error, position_error
 
 GAIT_FREQUENCY_HZ = 1.5
 """Of the gait phase clock. Wheels never step, but the paper observes it."""
@@ -58,50 +57,129 @@ class ObservationScales:
     limit: float = 8.0
 
 
-@dataclass(frozen=True, slots=True)
-class _Sources:
-    signals: TaskSignals
-    memory: TaskMemory
-    action: np.ndarray
-    phase: np.ndarray
+SCALES = config_record(ObservationScales())
+"""The numbers of ObservationScales."""
 
-
-_Part = Callable[[_Sources, ObservationScales], np.ndarray]
-
-_PAPER_PARTS: dict[str, tuple[int, _Part]] = {
-    "angular_velocity": (3, lambda s, k: k.angular_velocity * s.signals.angular_velocity),
-    "gravity": (3, lambda s, k: s.signals.gravity),
-    "base_velocity_command": (3, lambda s, k: np.array(k.base_velocity) * s.signals.base_velocity),
-    "position_command": (3, lambda s, k: k.position * (s.signals.position - np.array(k.position_center_m))),
-    "orientation_command": (4, lambda s, k: np.where(s.signals.orientation[..., :1] < 0.0, -1.0, 1.0) * s.signals.orientation),
-    "mask": (3, lambda s, k: s.signals.mask),
-    "force_command": (3, lambda s, k: k.force * s.signals.force),
-    "leg_position": (12, lambda s, k: s.signals.joint_position[..., LEG_SLICE] - NOMINAL_POSITION[LEG_SLICE]),
-    "arm_position": (6, lambda s, k: s.signals.joint_position[..., ARM_SLICE] - NOMINAL_POSITION[ARM_SLICE]),
-    "leg_velocity": (12, lambda s, k: k.leg_velocity * s.signals.joint_velocity[..., LEG_SLICE]),
-    "wheel_velocity": (4, lambda s, k: k.wheel_velocity * s.signals.joint_velocity[..., WHEEL_SLICE]),
-    "arm_velocity": (6, lambda s, k: k.arm_velocity * s.signals.joint_velocity[..., ARM_SLICE]),
-    "force_estimate": (3, lambda s, k: k.force * s.signals.force_estimated_n),
-    "previous_action": (JOINT_COUNT, lambda s, k: s.action),
-    "gait_phase": (2, lambda s, k: np.concatenate([np.sin(s.phase), np.cos(s.phase)], axis=-1)),
+_PAPER_SIZES = {
+    "angular_velocity": 3,
+    "gravity": 3,
+    "base_velocity_command": 3,
+    "position_command": 3,
+    "orientation_command": 4,
+    "mask": 3,
+    "force_command": 3,
+    "leg_position": 12,
+    "arm_position": 6,
+    "leg_velocity": 12,
+    "wheel_velocity": 4,
+    "arm_velocity": 6,
+    "force_estimate": 3,
+    "previous_action": JOINT_COUNT,
+    "gait_phase": 2,
+}
+_EXTENSION_SIZES = {
+    "position_error": 3,
+    "orientation_error": 3,
+    "reference_velocity": 3,
+    "position_integral": 3,
+    "force_error": 3,
+    "force_integral": 3,
+    "base_height": 1,
+    "base_linear_velocity": 3,
+    "velocity_error": 2,
+    "yaw_integral": 1,
+    "wheel_hold": 4,
+    "steering_traction": 1,
+}
+_FORMS = {
+    PAPER_FORM: _PAPER_SIZES,
+    EXTENDED_FORM: _PAPER_SIZES | _EXTENSION_SIZES,
+    RESIDUAL_FORM: _PAPER_SIZES | _EXTENSION_SIZES,
 }
 
-_EXTENSION: dict[str, tuple[int, _Part]] = {
-    "position_error": (3, lambda s, k: k.position_error * s.signals.position_error),
-    "orientation_error": (3, lambda s, k: k.orientation_error * s.signals.orientation_error),
-    "reference_velocity": (3, lambda s, k: k.reference_velocity * s.memory.reference_velocity),
-    "position_integral": (3, lambda s, k: k.position_integral * s.memory.position_integral),
-    "force_error": (3, lambda s, k: k.force_error * s.signals.force_error),
-    "force_integral": (3, lambda s, k: k.force_integral * s.memory.force_integral),
-    "base_height": (1, lambda s, k: k.base_height * (s.signals.base_height - NOMINAL_BASE_HEIGHT_M)),
-    "base_linear_velocity": (3, lambda s, k: k.base_linear_velocity * s.signals.base_linear_velocity),
-    "velocity_error": (2, lambda s, k: np.array(k.velocity_error) * s.signals.velocity_error),
-    "yaw_integral": (1, lambda s, k: k.yaw_integral * s.memory.yaw_integral),
-    "wheel_hold": (4, lambda s, k: k.wheel_hold * s.memory.wheel_hold),
-    "steering_traction": (1, lambda s, k: k.steering_traction * s.memory.steering_traction),
-}
 
-_FORMS = {PAPER_FORM: _PAPER_PARTS, EXTENDED_FORM: _PAPER_PARTS | _EXTENSION, RESIDUAL_FORM: _PAPER_PARTS | _EXTENSION}
+@kernel("i8(f4[:], i8, f8, f8, vector)")
+def _put(out: np.ndarray, at: int, limit: float, scale: float, values: np.ndarray) -> int:
+    """Write scale * values, clipped at +-limit, into `out` from index `at` on; where it ends."""
+    for value in values:
+        out[at] = clip(scale * value, -limit, limit)
+        at += 1
+    return at
+
+
+@kernel("i8(Scales, Signals, vector, f8, f4[:])", Scales=SCALES, Signals=TASK_SIGNALS)
+def _put_paper(scales: np.record, signals: np.record, action: np.ndarray, phase: float, out: np.ndarray) -> int:
+    """Write the parts of _PAPER_SIZES in their order; where they end."""
+    k, s, command = scales, signals, signals.command
+    limit = k.limit
+    q, dq = s.joint_position, s.joint_velocity
+    velocity, position = np.empty(3), np.empty(3)
+    for i in range(3):
+        velocity[i] = k.base_velocity[i] * command.base_velocity[i]
+        position[i] = command.position_m[i] - k.position_center_m[i]
+    # Opposite quaternions are the same orientation.
+    sign = -1.0 if command.orientation_wxyz[0] < 0.0 else 1.0
+    at = _put(out, 0, limit, k.angular_velocity, s.angular_velocity)
+    at = _put(out, at, limit, 1.0, s.gravity)
+    at = _put(out, at, limit, 1.0, velocity)
+    at = _put(out, at, limit, k.position, position)
+    at = _put(out, at, limit, sign, command.orientation_wxyz)
+    at = _put(out, at, limit, 1.0, command.mask)
+    at = _put(out, at, limit, k.force, command.force_n)
+    at = _put(out, at, limit, 1.0, q[:12] - NOMINAL_POSITION[:12])
+    at = _put(out, at, limit, 1.0, q[16:] - NOMINAL_POSITION[16:])
+    at = _put(out, at, limit, k.leg_velocity, dq[:12])
+    at = _put(out, at, limit, k.wheel_velocity, dq[12:16])
+    at = _put(out, at, limit, k.arm_velocity, dq[16:])
+    at = _put(out, at, limit, k.force, s.force_estimated_n)
+    at = _put(out, at, limit, 1.0, action)
+    return _put(out, at, limit, 1.0, np.array([math.sin(phase), math.cos(phase)]))
+
+
+@kernel("i8(Scales, Signals, Memory, i8, f4[:])", Scales=SCALES, Signals=TASK_SIGNALS, Memory=TASK_MEMORY)
+def _put_extension(scales: np.record, signals: np.record, memory: np.record, at: int, out: np.ndarray) -> int:
+    """Write the parts of _EXTENSION_SIZES in their order from index `at` on; where they end."""
+    k, s, m, command = scales, signals, memory, signals.command
+    limit = k.limit
+    position, force, velocity = np.empty(3), np.empty(3), np.empty(2)
+    for i in range(3):
+        position[i], force[i] = position_error(s, i), force_error(s, i)
+    velocity[0] = k.velocity_error[0] * (command.base_velocity[0] - s.base_linear_velocity[0])
+    velocity[1] = k.velocity_error[1] * (command.base_velocity[2] - s.yaw_rate)
+    at = _put(out, at, limit, k.position_error, position)
+    at = _put(out, at, limit, k.orientation_error, s.orientation_error)
+    at = _put(out, at, limit, k.reference_velocity, m.reference_velocity)
+    at = _put(out, at, limit, k.position_integral, m.position_integral)
+    at = _put(out, at, limit, k.force_error, force)
+    at = _put(out, at, limit, k.force_integral, m.force_integral)
+    at = _put(out, at, limit, k.base_height, np.array([s.base_height - NOMINAL_BASE_HEIGHT_M]))
+    at = _put(out, at, limit, k.base_linear_velocity, s.base_linear_velocity)
+    at = _put(out, at, limit, 1.0, velocity)
+    at = _put(out, at, limit, k.yaw_integral, np.array([m.yaw_integral]))
+    at = _put(out, at, limit, k.wheel_hold, m.wheel_hold)
+    return _put(out, at, limit, k.steering_traction, np.array([m.steering_traction]))
+
+
+@kernel(
+    "void(Scales[::1], Signals[::1], Memory[::1], matrix, vector, b1, f4[:,::1])",
+    Scales=SCALES,
+    Signals=TASK_SIGNALS,
+    Memory=TASK_MEMORY,
+)
+def _observe(
+    scales: np.ndarray,
+    signals: np.ndarray,
+    memories: np.ndarray,
+    actions: np.ndarray,
+    phases: np.ndarray,
+    extended: bool,
+    out: np.ndarray,
+) -> None:
+    """Observations (n, size) float32 of n robots: scale * value of each part, clipped."""
+    for robot in range(len(out)):
+        end = _put_paper(scales[0], signals[robot], actions[robot], phases[robot], out[robot])
+        if extended:
+            _put_extension(scales[0], signals[robot], memories[robot], end, out[robot])
 
 
 class Observation:
@@ -116,61 +194,33 @@ class Observation:
             raise ValueError(f"observation form {form!r} does not exist; the forms are {', '.join(_FORMS)}")
         self.form = form
         self.scales = scales or ObservationScales()
-        self._parts = _FORMS[form]
-        self.size = sum(size for size, _ in self._parts.values())
+        self._packed = packed(SCALES, self.scales)
+        self._sizes = _FORMS[form]
+        self.size = sum(self._sizes.values())
 
     @property
     def groups(self) -> dict[str, slice]:
         """Where each part lies in the observation, by name, in order."""
         groups, start = {}, 0
-        for name, (size, _) in self._parts.items():
+        for name, size in self._sizes.items():
             groups[name] = slice(start, start + size)
             start += size
         return groups
 
-    def assemble(self, signals: TaskSignals, memory: TaskMemory, action: np.ndarray, phase: np.ndarray) -> np.ndarray:
-        """Observation (..., size), float32.
+    def assemble(self, signals: np.ndarray, memories: np.ndarray, actions: np.ndarray, phases: np.ndarray) -> np.ndarray:
+        """Observations (n, size), float32.
 
         Args:
-            signals: of this tick.
-            memory: already stepped with `signals`.
-            action: (..., 22) previous action.
-            phase: (..., 1) rad, gait phase.
+            signals: TASK_SIGNALS (n,) of this tick.
+            memories: TASK_MEMORY (n,), already stepped with `signals`.
+            actions: (n, 22) previous actions.
+            phases: (n,) rad, gait phases.
         """
-        sources = _Sources(signals, memory, action, phase)
-        parts = [part(sources, self.scales) for _, part in self._parts.values()]
-        limit = self.scales.limit
-        return np.clip(np.concatenate(parts, axis=-1, dtype=np.float32, casting="same_kind"), -limit, limit)
+        observations = np.empty((len(signals), self.size), np.float32)
+        _observe(self._packed, signals, memories, actions, phases, self.form != PAPER_FORM, observations)
+        return observations
 
 
 def advance_phase(phase: np.ndarray) -> np.ndarray:
     """Gait phase one control period later, rad in [0, 2 pi)."""
     return (phase + 2.0 * np.pi * GAIT_FREQUENCY_HZ * CONTROL_PERIOD_S) % (2.0 * np.pi)
-
-
-def task_signals(inputs: ControllerInput) -> TaskSignals:
-    """The signals of one robot, batch shape ()."""
-    sensor, base, model, command = inputs.sensor, inputs.base, inputs.model, inputs.command
-    rotation = base.rotation_base_to_world
-    heading = rotation_heading_to_world(rotation)
-    hand_position = model.end_effector_position @ heading
-    hand_position[2] += base.height_m
-    target = heading @ rotation_from_quaternion(command.orientation_wxyz)
-    return TaskSignals(
-        angular_velocity=base.angular_velocity_in_base,
-        gravity=-rotation[2],
-        base_linear_velocity=rolling_velocity(model) @ heading,
-        base_height=np.array([base.height_m]),
-        yaw_rate=rotation[2:] @ base.angular_velocity_in_base,
-        joint_position=sensor.joint_position,
-        joint_velocity=sensor.joint_velocity,
-        joint_torque=sensor.joint_torque,
-        hand_position=hand_position,
-        orientation_error=rotation_error(target, model.end_effector_rotation) @ heading,
-        force_estimated_n=inputs.force_estimated_n,
-        mask=command.mask,
-        force=command.force_n,
-        position=command.position_m,
-        orientation=command.orientation_wxyz,
-        base_velocity=command.base_velocity,
-    )

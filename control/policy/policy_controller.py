@@ -8,15 +8,16 @@ from pathlib import Path
 
 import numpy as np
 
-from control.joints import DAMPING, NOMINAL_POSITION, STIFFNESS, WHEEL_SLICE
-from control.policy.action import ActionScales
+from control.joints import JOINT_COUNT
+from control.policy.action import ActionMap
 from control.policy.actor import Actor
-from control.policy.observation import RESIDUAL_FORM, Observation, advance_phase, task_signals
+from control.policy.observation import RESIDUAL_FORM, Observation, advance_phase
 from control.policy.policy_weights import PolicyManifest, available_policies, load_policy
-from control.policy.task_memory import TaskMemory, TaskMemoryConfig, TaskSignals
 from control.robot_model import RobotModel
 from control.whole_body.controller import Controller, ControllerInput
 from control.whole_body.model_based import ModelBasedController
+from control.whole_body.task_memory import TaskMemory, TaskMemoryConfig
+from control.whole_body.task_signals import task_signals
 
 
 class PolicyController:
@@ -34,10 +35,7 @@ class PolicyController:
         self._form = Observation(manifest.form)
         self._memory = TaskMemory(TaskMemoryConfig())
         self._corrected = ModelBasedController(model) if manifest.form == RESIDUAL_FORM else None
-        scales = ActionScales()
-        self._scales, self._scale, self._limit = scales, scales.per_joint(), scales.limit
-        self._nominal = NOMINAL_POSITION.copy()
-        self._nominal[WHEEL_SLICE] = 0.0
+        self._map = ActionMap()
         self.reset()
 
     @property
@@ -53,32 +51,25 @@ class PolicyController:
         self._started = False
         self._phase = np.zeros(1)
         self.observation = np.zeros(self._form.size, np.float32)
-        self.action = np.zeros(len(self._scale))
+        self.action = np.zeros(JOINT_COUNT)
 
     def step(self, inputs: ControllerInput) -> np.ndarray:
         """Joint targets (22,), see `Controller.step`."""
         signals = task_signals(inputs)
         if not self._started:
-            self.action = self._held_action(signals)
+            self.action = self._map.held_actions(signals)[0]
             self._started = True
         self._memory.step(signals)
-        self.observation = self._form.assemble(signals, self._memory, self.action, self._phase)
+        self.observation = self._form.assemble(signals, self._memory.values, self.action[None], self._phase)[0]
         action = self._actor(self.observation).astype(float)
-        if self._corrected is not None:
-            added = np.clip(action, -self._scales.correction_limit, self._scales.correction_limit)
-            targets = self._corrected.step(inputs, self._scales.reference_correction(added))
-            action = (targets - self._nominal) / self._scale + self._scales.joint_correction(added)
-        self.action = np.clip(action, -self._limit, self._limit)
+        if self._corrected is None:
+            actions = self._map.limited(action[None])
+        else:
+            targets = self._corrected.step(inputs, self._map.reference_correction(action))
+            actions = self._map.corrected_actions(targets[None], action[None])
+        self.action = actions[0]
         self._phase = advance_phase(self._phase)
-        return self._nominal + self._scale * self.action
-
-    def _held_action(self, signals: TaskSignals) -> np.ndarray:
-        """The action that keeps the present torques: what the previous one was, whoever gave it."""
-        q, dq, torque = signals.joint_position, signals.joint_velocity, signals.joint_torque
-        on_velocity = STIFFNESS == 0.0
-        stiffness = np.where(on_velocity, 1.0, STIFFNESS)
-        target = np.where(on_velocity, dq + torque / DAMPING, q + (torque + DAMPING * dq) / stiffness)
-        return np.clip((target - self._nominal) / self._scale, -self._limit, self._limit)
+        return self._map.targets(actions)[0]
 
 
 def make_policy(directory: Path, name: str, model: RobotModel) -> PolicyController:

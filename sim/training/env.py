@@ -5,18 +5,18 @@ observation. What the policy and the teacher get carries sensor noise and the es
 critic's privileged part see truth.
 """
 
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from control.command.limits import CommandLimits
-from control.joints import JOINT_COUNT, NOMINAL_BASE_HEIGHT_M, NOMINAL_POSITION, WHEEL_SLICE
-from control.policy.action import ActionScales
+from control.joints import JOINT_COUNT, NOMINAL_BASE_HEIGHT_M
+from control.policy.action import ActionMap
 from control.policy.observation import EXTENDED_FORM, RESIDUAL_FORM, Observation, advance_phase
-from control.policy.task_memory import TaskMemory, TaskMemoryConfig, TaskSignals
 from control.timing import CONTROL_PERIOD_S
 from control.whole_body.arm import ArmConfig
-from control.whole_body.reference_correction import NO_CORRECTION, ReferenceCorrection
+from control.whole_body.task_memory import TASK_MEMORY, TaskMemory, TaskMemoryConfig
+from control.whole_body.task_signals import TASK_SIGNALS
 from sim.training.batch_rotations import (
     products,
     quaternions_from_rotations,
@@ -111,14 +111,11 @@ class TrainingEnv:
         self._corrects = config.form == RESIDUAL_FORM
         # A residual policy corrects the controller as it runs on the robot.
         self.teacher = BatchedTeacher(self.robot, ArmConfig() if self._corrects else config.teacher_arm)
-        self.memory = TaskMemory(TaskMemoryConfig(), (count,))
+        self.memory = TaskMemory(TaskMemoryConfig(), count)
         self.form = Observation(config.form)
-        self._scales = ActionScales()
-        self.action_scale, self._action_limit = self._scales.per_joint(), self._scales.limit
-        self._nominal = NOMINAL_POSITION.copy()
-        self._nominal[WHEEL_SLICE] = 0.0
-        self._action = np.zeros((count, JOINT_COUNT), order="F")
-        self._phase = np.zeros((count, 1))
+        self.action_map = ActionMap()
+        self._action = np.zeros((count, JOINT_COUNT))
+        self._phase = np.zeros(count)
         self._hand_force = np.zeros((count, 3), order="F")
         # Robots start at different ages, so that they do not all start anew together.
         self._age_s = random.uniform(0.0, config.episode_s, count)
@@ -133,20 +130,21 @@ class TrainingEnv:
         """Length of an observation."""
         return self.form.size
 
-    def teacher_action(self, correction: ReferenceCorrection = NO_CORRECTION) -> np.ndarray:
-        """Action (n, 22) of the teacher at the current observation, its references corrected; call once per step."""
-        targets = self.teacher.targets(self.signals, self.memory, correction)
-        return np.clip((targets - self._nominal) / self.action_scale, -self._action_limit, self._action_limit)
+    def teacher_action(self) -> np.ndarray:
+        """Action (n, 22) of the teacher at the current observation; call once per step."""
+        return self.action_map.actions(self.teacher.targets(self.signals, self.memory.values))
 
     def step(self, action: np.ndarray) -> StepResult:
         """Act (n, 22) for one control period; with the residual form the action corrects the teacher's."""
         config, robot = self.config, self.robot
-        action = action.astype(float, order="F")
+        action = action.astype(float)
         if self._corrects:
-            added = np.clip(action, -self._scales.correction_limit, self._scales.correction_limit)
-            action = self.teacher_action(self._scales.reference_correction(added)) + self._scales.joint_correction(added)
-        action = np.clip(action, -self._action_limit, self._action_limit)
-        robot.set_targets(self._nominal + self.action_scale * action)
+            correction = self.action_map.reference_correction(action)
+            targets = self.teacher.targets(self.signals, self.memory.values, correction)
+            action = self.action_map.corrected_actions(targets, action)
+        else:
+            action = self.action_map.limited(action)
+        robot.set_targets(self.action_map.targets(action))
         mean_force = np.zeros_like(self._hand_force)
         for substep in range(SUBSTEPS):
             force = self.contacts.force()
@@ -213,53 +211,50 @@ class TrainingEnv:
         robot, noise = self.robot, self.config.noise
         forward = rotate_back(robot.rotation_heading_to_world, robot.base_linear_velocity)
         self.estimator.step(self._hand_force, np.stack([forward[:, 0], robot.base_angular_velocity[:, 2]]).T)
-        self._hand = self._measured_hand() + self._noise(noise.hand_position_m, 3, self.config.count)
+        self._hand = self._noisy(self._measured_hand(), noise.hand_position_m)
         self.source.advance(self._hand, self.estimator.force, CONTROL_PERIOD_S)
         self.references.step(self.source.commands, self._hand, self.estimator.force, CONTROL_PERIOD_S)
 
     def _observe(self) -> None:
         self.signals = self._sense()
         self.memory.step(self.signals)
-        self.observation = self.form.assemble(self.signals, self.memory, self._action, self._phase)
+        self.observation = self.form.assemble(self.signals, self.memory.values, self._action, self._phase)
         self.privileged = self._privileged()
 
     def _observe_fresh(self, ids: np.ndarray) -> None:
         """Let robots that have just started be seen in their new state; the others stay as they were seen."""
         self._hand[ids] = self._measured_hand(ids)
-        signals = self._sense(ids)
-        for each in fields(TaskSignals):
-            getattr(self.signals, each.name)[ids] = getattr(signals, each.name)
-        nothing = TaskMemory(TaskMemoryConfig(), (len(ids),))
+        signals = self.signals[ids] = self._sense(ids)
+        nothing = np.zeros(len(ids), TASK_MEMORY)
         self.observation[ids] = self.form.assemble(signals, nothing, self._action[ids], self._phase[ids])
         self.privileged = self._privileged()
 
-    def _sense(self, ids: np.ndarray | slice = _ALL) -> TaskSignals:
-        """Measurements of robots `ids`, with noise."""
+    def _sense(self, ids: np.ndarray | slice = _ALL) -> np.ndarray:
+        """Measurements TASK_SIGNALS (m,) of robots `ids`, with noise."""
         robot, noise, applied = self.robot, self.config.noise, self.references.applied[ids]
         rotation, heading = robot.rotation_base_to_world[ids], robot.rotation_heading_to_world[ids]
         count = len(heading)
         target = products(heading, rotations_from_quaternions(applied["orientation_wxyz"]))
         velocity = rotate_back(heading, robot.rolling_velocity[ids])
-        angular_velocity, yaw_rate = robot.angular_velocity_in_base[ids], robot.base_angular_velocity[ids, 2:]
-        return TaskSignals(
-            angular_velocity=angular_velocity + self._noise(noise.angular_velocity_rps, 3, count),
-            gravity=-rotation[:, 2] + self._noise(noise.gravity, 3, count),
-            base_linear_velocity=velocity + self._noise(noise.rolling_velocity_mps, 3, count),
-            base_height=self._base_height(ids)[:, None] + self._noise(noise.hand_position_m, 1, count),
-            yaw_rate=yaw_rate + self._noise(noise.angular_velocity_rps, 1, count),
-            joint_position=robot.joint_position[ids] + self._noise(noise.joint_position_rad, JOINT_COUNT, count),
-            joint_velocity=robot.joint_velocity[ids] + self._noise(noise.joint_velocity_rps, JOINT_COUNT, count),
-            joint_torque=robot.joint_torque[ids] + self._noise(noise.joint_torque_nm, JOINT_COUNT, count),
-            hand_position=self._hand[ids],
-            orientation_error=rotate_back(heading, rotation_errors(target, robot.hand_rotation[ids]))
-            + self._noise(noise.hand_orientation_rad, 3, count),
-            force_estimated_n=self.estimator.force[ids],
-            mask=applied["mask"],
-            force=applied["force_n"],
-            position=applied["position_m"],
-            orientation=applied["orientation_wxyz"],
-            base_velocity=applied["base_velocity"],
-        )
+        turn = rotate_back(heading, rotation_errors(target, robot.hand_rotation[ids]))
+        signals = np.empty(count, TASK_SIGNALS)
+        noisy = {
+            "angular_velocity": (robot.angular_velocity_in_base[ids], noise.angular_velocity_rps),
+            "gravity": (-rotation[:, 2], noise.gravity),
+            "base_linear_velocity": (velocity, noise.rolling_velocity_mps),
+            "base_height": (self._base_height(ids), noise.hand_position_m),
+            "yaw_rate": (robot.base_angular_velocity[ids, 2], noise.angular_velocity_rps),
+            "joint_position": (robot.joint_position[ids], noise.joint_position_rad),
+            "joint_velocity": (robot.joint_velocity[ids], noise.joint_velocity_rps),
+            "joint_torque": (robot.joint_torque[ids], noise.joint_torque_nm),
+            "orientation_error": (turn, noise.hand_orientation_rad),
+        }
+        for name, (values, deviation) in noisy.items():
+            signals[name] = self._noisy(values, deviation)
+        signals["hand_position"] = self._hand[ids]
+        signals["force_estimated_n"] = self.estimator.force[ids]
+        signals["command"] = applied
+        return signals
 
     def _privileged(self) -> np.ndarray:
         """(n, 23) truth for the critic alone."""
@@ -272,7 +267,7 @@ class TrainingEnv:
             2.0 * rotate_back(heading, robot.base_linear_velocity),
             10.0 * (robot.base_position[:, 2:] - NOMINAL_BASE_HEIGHT_M),
             4.0 * (applied["position_m"] - hand),
-            self.signals.orientation_error,
+            self.signals["orientation_error"],
             0.1 * self._hand_force,
             0.2 * force_error,
             arm,
@@ -312,5 +307,6 @@ class TrainingEnv:
         robot = self.robot
         return rotate_back(robot.rotation_heading_to_world, robot.hand_position - robot.base_position * [1.0, 1.0, 0.0])
 
-    def _noise(self, deviation: float, size: int, count: int) -> np.ndarray:
-        return deviation * self._random.standard_normal((size, count)).T
+    def _noisy(self, values: np.ndarray, deviation: float) -> np.ndarray:
+        """`values` (m,) or (m, k) with white noise."""
+        return values + deviation * self._random.standard_normal(values.T.shape).T

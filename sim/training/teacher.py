@@ -20,7 +20,6 @@ from control.joints import (
     WHEEL_RADIUS_M,
     WHEEL_SLICE,
 )
-from control.policy.task_memory import TaskMemory, TaskSignals
 from control.robot_model import GRAVITY_MPS2, RobotModel
 from control.timing import CONTROL_PERIOD_S
 from control.whole_body.arm import ArmConfig
@@ -84,7 +83,7 @@ class BatchedTeacher:
         self._shift[ids] = 0.0
         self._held_shift[ids] = 0.0
 
-    def targets(self, signals: TaskSignals, memory: TaskMemory, correction: ReferenceCorrection = NO_CORRECTION) -> np.ndarray:
+    def targets(self, signals: np.ndarray, memory: np.ndarray, correction: ReferenceCorrection = NO_CORRECTION) -> np.ndarray:
         """Joint targets (n, 22), see control.whole_body.controller, with the references corrected."""
         gravity = self._gravity_torque()
         targets = np.empty((self._robot.count, JOINT_COUNT), order="F")
@@ -94,33 +93,33 @@ class BatchedTeacher:
         return targets
 
     def _arm_targets(
-        self, signals: TaskSignals, memory: TaskMemory, gravity: np.ndarray, correction: ReferenceCorrection
+        self, signals: np.ndarray, memory: np.ndarray, gravity: np.ndarray, correction: ReferenceCorrection
     ) -> np.ndarray:
         config, robot = self._arm, self._robot
-        heading, mask = robot.rotation_heading_to_world, signals.mask
-        q, dq = signals.joint_position[:, ARM_SLICE], signals.joint_velocity[:, ARM_SLICE]
+        heading, mask = robot.rotation_heading_to_world, signals["command"]["mask"]
+        q, dq = signals["joint_position"][:, ARM_SLICE], signals["joint_velocity"][:, ARM_SLICE]
         axes = robot.axes[:, ARM_SLICE]
 
         lever = robot.hand_position - robot.base_position
-        rate = rotate(robot.rotation_base_to_world, signals.angular_velocity)
+        rate = rotate(robot.rotation_base_to_world, signals["angular_velocity"])
         rocking = np.empty_like(lever)
         rocking[:, 0] = rate[:, 1] * lever[:, 2]
         rocking[:, 1] = -rate[:, 0] * lever[:, 2]
-        rocking[:, 2] = rate[:, 0] * lever[:, 1] - rate[:, 1] * lever[:, 0] + signals.base_linear_velocity[:, 2]
-        error = signals.position - signals.hand_position
+        rocking[:, 2] = rate[:, 0] * lever[:, 1] - rate[:, 1] * lever[:, 0] + signals["base_linear_velocity"][:, 2]
+        error = signals["command"]["position_m"] - signals["hand_position"]
         limit = config.position_error_limit_m
-        tracking = memory.reference_velocity + config.position_gain * np.clip(error, -limit, limit)
+        tracking = memory["reference_velocity"] + config.position_gain * np.clip(error, -limit, limit)
         tracking -= rotate_back(heading, rocking)
         arm_velocity = rotate_back(robot.hand_jacobian, dq)
         fastest = config.approach_speed_limit_mps
-        approach = np.clip(-config.approach_gain * signals.force, -fastest, fastest)
-        to_lower, to_upper = _WORKSPACE[:, None] - signals.hand_position
+        approach = np.clip(-config.approach_gain * signals["command"]["force_n"], -fastest, fastest)
+        to_lower, to_upper = _WORKSPACE[:, None] - signals["hand_position"]
         approach = np.clip(approach, config.position_gain * to_lower, config.position_gain * to_upper)
         on_force = self._on_force(signals)
         motion = (1.0 - mask) * (tracking + correction.hand_velocity) + mask * approach
         yielding = config.force_velocity_feedback * rotate_back(heading, arm_velocity)
         linear = rotate(heading, (1.0 - on_force) * motion + on_force * yielding)
-        turning = config.orientation_gain * signals.orientation_error + correction.hand_angular_velocity
+        turning = config.orientation_gain * signals["orientation_error"] + correction.hand_angular_velocity
         angular = rotate(heading, turning)
         angular[:, :2] -= rate[:, :2]
 
@@ -132,11 +131,17 @@ class BatchedTeacher:
         velocity *= np.minimum(1.0, config.joint_speed_limit_rps / np.maximum(np.abs(velocity).max(axis=1), 1e-9))[:, None]
         velocity[((q > self._upper) & (velocity > 0.0)) | ((q < self._lower) & (velocity < 0.0))] = 0.0
 
-        near = np.clip(signals.force_error, -config.force_error_limit_n, config.force_error_limit_n)
-        regulation = config.force_gain * near + config.force_integral_gain * memory.force_integral - signals.force
-        load = np.clip(config.load_gain * signals.force_estimated_n, -config.load_limit_n, config.load_limit_n)
+        near = np.clip(
+            (signals["command"]["mask"] * (signals["force_estimated_n"] - signals["command"]["force_n"])),
+            -config.force_error_limit_n,
+            config.force_error_limit_n,
+        )
+        regulation = (
+            config.force_gain * near + config.force_integral_gain * memory["force_integral"] - signals["command"]["force_n"]
+        )
+        load = np.clip(config.load_gain * signals["force_estimated_n"], -config.load_limit_n, config.load_limit_n)
         regulation += correction.hand_force
-        hand_force = on_force * regulation - (1.0 - on_force) * load + config.integral_gain * memory.position_integral
+        hand_force = on_force * regulation - (1.0 - on_force) * load + config.integral_gain * memory["position_integral"]
         force = rotate(heading, hand_force)
         torque = (
             gravity
@@ -147,44 +152,44 @@ class BatchedTeacher:
         limit = TORQUE_LIMIT[ARM_SLICE]
         return q + np.clip(torque, -limit, limit) / STIFFNESS[ARM_SLICE]
 
-    def _on_force(self, signals: TaskSignals) -> np.ndarray:
+    def _on_force(self, signals: np.ndarray) -> np.ndarray:
         """Share (n, 3), 0 to 1, of force control per axis."""
         config = self._arm
-        needed = config.contact_share * np.abs(signals.force) - config.contact_noise_n
-        pressed = signals.force_estimated_n * np.sign(signals.force)
+        needed = config.contact_share * np.abs(signals["command"]["force_n"]) - config.contact_noise_n
+        pressed = signals["force_estimated_n"] * np.sign(signals["command"]["force_n"])
         contact = np.where(needed > 0.0, np.clip(pressed / np.maximum(needed, 1e-9), 0.0, 1.0), 1.0)
-        return signals.mask * contact
+        return signals["command"]["mask"] * contact
 
-    def _leg_targets(self, signals: TaskSignals, gravity: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def _leg_targets(self, signals: np.ndarray, gravity: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Leg targets (n, 12), wheel torques (n, 4) of the balance, and support (n,) of the least loaded wheel."""
         config, robot = self._legs, self._robot
         on_force = self._on_force(signals)
-        expected = on_force * signals.force + (1.0 - on_force) * signals.force_estimated_n
+        expected = on_force * signals["command"]["force_n"] + (1.0 - on_force) * signals["force_estimated_n"]
         forces = self._ground_forces(signals, rotate(robot.rotation_heading_to_world, expected))
         wheel_torque = gravity[:, WHEEL_SLICE] - self._contact_torque(forces, WHEEL_SLICE)
-        excess = (signals.joint_torque[:, WHEEL_SLICE] - wheel_torque) @ _LEFT_MINUS_RIGHT / (4.0 * WHEEL_RADIUS_M)
+        excess = (signals["joint_torque"][:, WHEEL_SLICE] - wheel_torque) @ _LEFT_MINUS_RIGHT / (4.0 * WHEEL_RADIUS_M)
         self._traction += config.traction_smoothing * (excess - self._traction)
         forward = robot.rotation_heading_to_world[:, None, :, 0]
         steering = (self._traction[:, None] * _LEFT_MINUS_RIGHT)[:, :, None] * forward
         torque = gravity[:, LEG_SLICE] - self._contact_torque(forces + steering, LEG_SLICE)
-        q, dq = signals.joint_position[:, LEG_SLICE], signals.joint_velocity[:, LEG_SLICE]
+        q, dq = signals["joint_position"][:, LEG_SLICE], signals["joint_velocity"][:, LEG_SLICE]
         posture = self._stance_step(forces[:, :, 2])
         support = forces[:, :, 2].min(axis=1) / forces[:, :, 2].mean(axis=1)
         offset = torque / STIFFNESS[LEG_SLICE] + config.posture_gain * (posture - q) - config.posture_damping * dq
         return posture + np.clip(offset, -config.offset_limit_rad, config.offset_limit_rad), wheel_torque, support
 
-    def _ground_forces(self, signals: TaskSignals, hand_force: np.ndarray) -> np.ndarray:
+    def _ground_forces(self, signals: np.ndarray, hand_force: np.ndarray) -> np.ndarray:
         """Least-norm ground forces (n, 4, 3): f = F / 4 + w x r, r from the middle of the contacts, F and w of the wrench."""
         config, robot = self._legs, self._robot
         center = (self._masses @ robot.body_positions.T).T / self._total_mass
         up = robot.rotation_base_to_world[:, :, 2]
-        rate = rotate(robot.rotation_base_to_world, signals.angular_velocity)
-        sway = signals.base_velocity[:, :2] - signals.base_linear_velocity[:, :2]
+        rate = rotate(robot.rotation_base_to_world, signals["angular_velocity"])
+        sway = signals["command"]["base_velocity"][:, :2] - signals["base_linear_velocity"][:, :2]
         force = config.sway_damping * rotate(robot.rotation_heading_to_world[:, :, :2], sway) - hand_force
         force[:, 2] += (
             self._total_mass * GRAVITY_MPS2
-            + config.height_stiffness * (NOMINAL_BASE_HEIGHT_M - signals.base_height[:, 0])
-            - config.height_damping * signals.base_linear_velocity[:, 2]
+            + config.height_stiffness * (NOMINAL_BASE_HEIGHT_M - signals["base_height"])
+            - config.height_damping * signals["base_linear_velocity"][:, 2]
         )
         middle = robot.contact_positions.mean(axis=1)
         moment = cross(center - middle, force) - cross(robot.hand_position - center, hand_force)
@@ -211,31 +216,31 @@ class BatchedTeacher:
 
     def _wheel_targets(
         self,
-        signals: TaskSignals,
-        memory: TaskMemory,
+        signals: np.ndarray,
+        memory: np.ndarray,
         torque: np.ndarray,
         support: np.ndarray,
         correction: ReferenceCorrection,
     ) -> np.ndarray:
         config, robot = self._wheels, self._robot
-        forward, yaw = signals.base_velocity[:, :1], signals.base_velocity[:, 2:]
+        forward, yaw = signals["command"]["base_velocity"][:, :1], signals["command"]["base_velocity"][:, 2:]
         feed_forward = torque / DAMPING[WHEEL_SLICE]
         at_rest = np.maximum(np.abs(forward), np.abs(yaw)) < config.rest_velocity
         shift = self._shift_velocity[:, :1] / WHEEL_RADIUS_M
         self._held_shift = at_rest[:, 0] * (self._held_shift + CONTROL_PERIOD_S * shift[:, 0])
-        held = memory.wheel_hold + self._held_shift[:, None]
+        held = memory["wheel_hold"] + self._held_shift[:, None]
         hold = np.clip(config.hold_gain * held, -config.hold_limit_rps, config.hold_limit_rps)
-        integral = config.yaw_integral_gain * memory.yaw_integral
-        steering = yaw + config.yaw_gain * (yaw - signals.yaw_rate) + integral + correction.base_velocity[..., 1:]
+        integral = config.yaw_integral_gain * memory["yaw_integral"][:, None]
+        steering = yaw + config.yaw_gain * (yaw - signals["yaw_rate"][:, None]) + integral + correction.base_velocity[..., 1:]
         turn = self._relieve(signals, support, at_rest[:, 0])[:, None] * steering
         lateral = rotate(robot.contact_positions - robot.base_position[:, None], robot.rotation_heading_to_world[:, :, 1])
         rolling = shift + (forward + correction.base_velocity[..., :1] - turn * lateral) / WHEEL_RADIUS_M
         drag = self._wheel_damping * rolling + self._wheel_friction * np.tanh(rolling)
         return feed_forward + np.where(at_rest, shift + hold, rolling + drag / DAMPING[WHEEL_SLICE])
 
-    def _relieve(self, signals: TaskSignals, support: np.ndarray, at_rest: np.ndarray) -> np.ndarray:
+    def _relieve(self, signals: np.ndarray, support: np.ndarray, at_rest: np.ndarray) -> np.ndarray:
         config = self._wheels
-        share = np.abs(signals.joint_torque[:, HIPS_AND_THIGHS]) / TORQUE_LIMIT[HIPS_AND_THIGHS]
+        share = np.abs(signals["joint_torque"][:, HIPS_AND_THIGHS]) / TORQUE_LIMIT[HIPS_AND_THIGHS]
         bearable = np.clip((config.effort_end - share.max(axis=1)) / (config.effort_end - config.effort_start), 0.0, 1.0)
         bearable *= np.clip(support / config.full_turn_support, 0.0, 1.0)
         relief = np.minimum(bearable, self._relief + CONTROL_PERIOD_S / config.relief_time_s)

@@ -14,7 +14,7 @@ from control.joints import DAMPING, LEG_SLICE, NOMINAL_POSITION, STIFFNESS, WHEE
 from control.learning.policy.actor_critic import HIDDEN, ActorCritic
 from control.paths import WEIGHTS_DIRECTORY
 from control.pipeline import PipelineConfig
-from control.policy.action import ActionScales
+from control.policy.action import ActionMap, ActionScales
 from control.policy.actor import Actor
 from control.policy.observation import EXTENDED_FORM, PAPER_FORM, RESIDUAL_FORM, Observation
 from control.policy.policy_controller import PolicyController, make_policies
@@ -175,15 +175,15 @@ def test_targets_follow_the_action_and_reset_forgets(tmp_path: Path, model: Robo
 
 
 def test_a_residual_policy_adds_a_bounded_correction_to_the_model_based_controller(tmp_path: Path, model: RobotModel):
-    layers, scales = (Observation(RESIDUAL_FORM).size, 22), ActionScales()
+    layers, limit, action_map = (Observation(RESIDUAL_FORM).size, 22), ActionScales().correction_limit, ActionMap()
     arrays = {"weight_0": np.zeros((22, layers[0])), "bias_0": np.linspace(-5.0, 5.0, 22)}
     save_policy(tmp_path, PolicyManifest("policy", RESIDUAL_FORM, interface(RESIDUAL_FORM), layers), arrays)
     controller, plain = PolicyController(*load_policy("policy", tmp_path), model), ModelBasedController(model)
-    expected = np.clip(arrays["bias_0"], -scales.correction_limit, scales.correction_limit)
+    expected = np.clip(arrays["bias_0"], -limit, limit)
     for _ in range(3):
         inputs = standing(model)
         targets = controller.step(inputs)
-        corrected = plain.step(inputs, scales.reference_correction(expected))
-        added = (targets - corrected) / scales.per_joint()
+        corrected = plain.step(inputs, action_map.reference_correction(arrays["bias_0"]))
+        added = (targets - corrected) / action_map.unit
         assert np.allclose(added[LEG_SLICE], expected[LEG_SLICE], atol=1e-5)
         assert np.allclose(added[WHEEL_SLICE.start :], 0.0, atol=1e-5)

@@ -10,18 +10,18 @@ from control.command.command_record import commands, from_record, to_record
 from control.command.filter import CommandFilter
 from control.command.limits import CommandLimits, HandState
 from control.frames import quaternion_from_rotation, rotation_from_quaternion
-from control.joints import ARM_SLICE, LEG_SLICE, WHEEL_SLICE
+from control.joints import LEG_SLICE
 from control.policy.action import ActionScales
-from control.policy.observation import RESIDUAL_FORM, task_signals
+from control.policy.observation import RESIDUAL_FORM
 from control.policy.policy_controller import PolicyController
 from control.policy.policy_weights import PolicyManifest, interface, load_policy, save_policy
-from control.policy.task_memory import TaskSignals
 from control.robot_model import RobotModel
 from control.timing import CONTROL_PERIOD_S
 from control.types import BaseState, SensorFrame
 from control.whole_body.arm import ArmConfig
 from control.whole_body.controller import ControllerInput
 from control.whole_body.model_based import ModelBasedController
+from control.whole_body.task_signals import TASK_SIGNALS, task_signals
 from sim.training.batch_rotations import quaternions_from_rotations, rotate, rotate_back, solve_positive
 from sim.training.commands import LEAD, SLIDE, CommandRanges
 from sim.training.contact_environment import HAND_INERTIA_KG
@@ -55,23 +55,23 @@ def make_env(count: int = 8, **changes: object) -> TrainingEnv:
 
 def single_input(env: TrainingEnv, index: int, model: RobotModel) -> ControllerInput:
     """What the controller of robot `index` would get in the pipeline, with the batch's measurements."""
-    robot, signals, applied = env.robot, env.signals, env.references.applied[[index]]
+    robot, signals = env.robot, env.signals[index]
     rotation = robot.rotation_base_to_world[index]
     heading = robot.rotation_heading_to_world[index]
-    velocity = rotation.T @ heading @ signals.base_linear_velocity[index]
+    velocity = rotation.T @ heading @ signals.base_linear_velocity
     sensor = SensorFrame(
         time_s=0.0,
         orientation_wxyz=quaternion_from_rotation(rotation),
-        angular_velocity=signals.angular_velocity[index],
+        angular_velocity=signals.angular_velocity,
         linear_acceleration=np.array([0.0, 0.0, 9.81]),
-        joint_position=signals.joint_position[index],
-        joint_velocity=signals.joint_velocity[index],
-        joint_torque=signals.joint_torque[index],
+        joint_position=signals.joint_position,
+        joint_velocity=signals.joint_velocity,
+        joint_torque=signals.joint_torque,
     )
     model.update(rotation, sensor.joint_position, velocity, sensor.angular_velocity, sensor.joint_velocity)
-    command = from_record(applied, guidance=False)
-    base = BaseState(rotation, velocity, sensor.angular_velocity, float(signals.base_height[index, 0]))
-    return ControllerInput(sensor, base, model, command, signals.force_estimated_n[index])
+    command = from_record(env.signals["command"][[index]], guidance=False)
+    base = BaseState(rotation, velocity, sensor.angular_velocity, signals.base_height)
+    return ControllerInput(sensor, base, model, command, signals.force_estimated_n)
 
 
 def test_teacher_equals_the_model_based_controller(model: RobotModel):
@@ -81,7 +81,7 @@ def test_teacher_equals_the_model_based_controller(model: RobotModel):
     for _ in range(60):
         expected = np.array([c.step(single_input(env, i, model)) for i, c in enumerate(controllers)])
         action = env.teacher_action()
-        targets = env._nominal + env.action_scale * action
+        targets = env.action_map.targets(action)
         largest = max(largest, float(np.abs(targets - expected).max()))
         assert not env.step(action).done.any()
     assert largest < 1e-6
@@ -92,10 +92,10 @@ def test_batch_and_single_robot_share_the_observed_signals(model: RobotModel):
     for _ in range(20):
         env.step(env.teacher_action())
     for index in range(3):
-        single = task_signals(single_input(env, index, model))
-        for field in fields(TaskSignals):
-            batch = getattr(env.signals, field.name)[index]
-            assert np.allclose(getattr(single, field.name), batch, atol=1e-9), field.name
+        single, batch = task_signals(single_input(env, index, model)), env.signals[[index]]
+        for name in set(TASK_SIGNALS.names or ()) - {"command"}:
+            assert np.allclose(single[name], batch[name], atol=1e-9), name
+        assert np.array_equal(single["command"], batch["command"])
 
 
 def test_references_of_the_batch_are_those_of_its_robots():
@@ -246,22 +246,12 @@ def test_a_residual_policy_that_corrects_nothing_is_the_teacher():
 
 def test_training_corrects_as_the_policy_does_on_the_robot(tmp_path: Path, model: RobotModel):
     env = make_env(count=8, form=RESIDUAL_FORM)
-    for _ in range(10):
-        env.step(np.zeros((8, 22)))
     action = np.random.default_rng(4).uniform(-1.5, 1.5, 22)
     layers = (env.observation_size, 22)
     arrays = {"weight_0": np.zeros((22, layers[0])), "bias_0": action}
     save_policy(tmp_path, PolicyManifest("policy", RESIDUAL_FORM, interface(RESIDUAL_FORM), layers), arrays)
-    controller, plain = PolicyController(*load_policy("policy", tmp_path), model), ModelBasedController(model)
-    moving = int(np.abs(env.signals.base_velocity).max(axis=1).argmax())
-    assert np.abs(env.signals.base_velocity[moving]).max() > 0.1
-    inputs, scales = single_input(env, moving, model), ActionScales()
-    single = controller.step(inputs) - plain.step(inputs)
-    every = np.tile(np.clip(action, -1.0, 1.0), (8, 1))
-    batched = env.teacher_action(scales.reference_correction(every)) - env.teacher_action() + scales.joint_correction(every)
-    batched = batched[moving] * env.action_scale
-    assert np.abs(single[ARM_SLICE]).max() > 0.02
-    assert np.allclose(single[ARM_SLICE], batched[ARM_SLICE], atol=1e-5)
-    assert np.abs(single[WHEEL_SLICE]).max() > 1.0
-    # The stance of the batch moved on between its two calls.
-    assert np.allclose(single[WHEEL_SLICE], batched[WHEEL_SLICE], atol=0.02)
+    controllers = [PolicyController(*load_policy("policy", tmp_path), model) for _ in range(8)]
+    for _ in range(15):
+        expected = [controller.step(single_input(env, robot, model)) for robot, controller in enumerate(controllers)]
+        assert not env.step(np.tile(action, (8, 1))).done.any()
+        assert np.allclose(env.action_map.targets(env._action), expected, atol=1e-5)

@@ -1,0 +1,132 @@
+"""What one tick cannot tell about the task: integrals of its errors, the reference's motion, the held wheel angles.
+
+The model-based controller acts on them, and a policy observes them: it is memoryless itself, and as free of steady errors as
+what it sees. Trained weights depend on their limits.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from control.compiled import kernel
+from control.joints import WHEEL_RADIUS_M
+from control.records import config_record, packed, record
+from control.small_algebra import clip
+from control.timing import CONTROL_PERIOD_S
+from control.whole_body.task_signals import TASK_SIGNALS, force_error, position_error
+
+LEFT_MINUS_RIGHT = (1.0, -1.0, 1.0, -1.0)
+"""Sign of each wheel FL, FR, RL, RR where the left ones work against the right ones."""
+
+_FIRST_WHEEL = 12
+
+
+@dataclass(frozen=True, slots=True)
+class TaskMemoryConfig:
+    """Attributes:
+    position_limit_ms: m s, of the integrated position error.
+    force_error_limit_n: force errors beyond it are not integrated.
+    force_limit_ns: N s, of the integrated force error.
+    yaw_limit_rad: of the integrated yaw rate error.
+    rest_velocity: base velocity command (m/s, rad/s alike) below which the wheels are held.
+    traction_smoothing: weight of the newest wheel torques in the steering traction.
+    """
+
+    position_limit_ms: float = 0.03
+    force_error_limit_n: float = 8.0
+    force_limit_ns: float = 1.2
+    yaw_limit_rad: float = 0.8
+    rest_velocity: float = 0.01
+    traction_smoothing: float = 0.2
+
+
+MEMORY_CONFIG = config_record(TaskMemoryConfig())
+"""The numbers of TaskMemoryConfig."""
+
+TASK_MEMORY = record(
+    position_integral=3,
+    force_integral=3,
+    yaw_integral=(),
+    reference_velocity=3,
+    wheel_hold=4,
+    steering_traction=(),
+    reference=3,
+    held=4,
+    started=(),
+    standing=(),
+)
+"""Zeros before the first step.
+
+Fields:
+    position_integral: m s; zero on force axes.
+    force_integral: N s; zero on position axes.
+    yaw_integral: rad; zero without a yaw command.
+    reference_velocity: m/s, of the position reference; zero on force axes.
+    wheel_hold: rad, held wheel angle minus angle; zero while driving.
+    steering_traction: N, mean push of the left wheels against the right ones.
+    reference, held: position reference and held wheel angles of the last step; started, standing: 1 or 0, of the last step.
+"""
+
+
+@kernel("void(Config, Signals, Memory)", Config=MEMORY_CONFIG, Signals=TASK_SIGNALS, Memory=TASK_MEMORY)
+def _remember(config: np.record, signals: np.record, memory: np.record) -> None:
+    """Take in one control period of one robot: e <- clip(e + error dt, +-limit) while an axis keeps its mode."""
+    command = signals.command
+    for i in range(3):
+        on_force = command.mask[i]
+        integral = memory.position_integral[i] + CONTROL_PERIOD_S * position_error(signals, i)
+        memory.position_integral[i] = (1.0 - on_force) * clip(integral, -config.position_limit_ms, config.position_limit_ms)
+        # So large an error means that there is no contact yet: the integral waits.
+        error = force_error(signals, i)
+        error = error if abs(error) <= config.force_error_limit_n else 0.0
+        integral = memory.force_integral[i] + CONTROL_PERIOD_S * error
+        memory.force_integral[i] = on_force * clip(integral, -config.force_limit_ns, config.force_limit_ns)
+
+        position = command.position_m[i]
+        last = memory.reference[i] if memory.started > 0.0 else position
+        memory.reference_velocity[i] = (1.0 - on_force) * (position - last) / CONTROL_PERIOD_S
+        memory.reference[i] = position
+    memory.started = 1.0
+
+    forward, yaw = command.base_velocity[0], command.base_velocity[2]
+    turning = abs(yaw) >= config.rest_velocity
+    driving = turning or abs(forward) >= config.rest_velocity
+    integral = memory.yaw_integral + CONTROL_PERIOD_S * (yaw - signals.yaw_rate)
+    memory.yaw_integral = clip(integral, -config.yaw_limit_rad, config.yaw_limit_rad) if turning else 0.0
+    push = 0.0
+    for wheel in range(4):
+        angle = signals.joint_position[_FIRST_WHEEL + wheel]
+        if memory.standing == 0.0:
+            memory.held[wheel] = angle
+        memory.wheel_hold[wheel] = 0.0 if driving else memory.held[wheel] - angle
+        push += LEFT_MINUS_RIGHT[wheel] * signals.joint_torque[_FIRST_WHEEL + wheel]
+    memory.standing = 0.0 if driving else 1.0
+    traction = push / (4.0 * WHEEL_RADIUS_M)
+    memory.steering_traction += config.traction_smoothing * (traction - memory.steering_traction)
+
+
+@kernel("void(Config[::1], Signals[::1], Memory[::1])", Config=MEMORY_CONFIG, Signals=TASK_SIGNALS, Memory=TASK_MEMORY)
+def _remember_all(config: np.ndarray, signals: np.ndarray, memories: np.ndarray) -> None:
+    """Take in one control period of every robot."""
+    for robot in range(len(memories)):
+        _remember(config[0], signals[robot], memories[robot])
+
+
+class TaskMemory:
+    """Integrates once per control period, for one robot or many.
+
+    Attributes:
+        values: TASK_MEMORY (n,), changed in place.
+    """
+
+    def __init__(self, config: TaskMemoryConfig, count: int = 1) -> None:
+        self._config = packed(MEMORY_CONFIG, config)
+        self.values = np.zeros(count, TASK_MEMORY)
+
+    def reset(self, index: np.ndarray | slice = slice(None)) -> None:
+        """Forget everything, of all robots or of those at `index`."""
+        self.values[index] = np.zeros((), TASK_MEMORY)
+
+    def step(self, signals: np.ndarray) -> None:
+        """Take in TASK_SIGNALS (n,) of one control period."""
+        _remember_all(self._config, signals, self.values)
