@@ -51,7 +51,7 @@ class SafetyConfig:
         setpoint_timeout_s: age of the operator's last sign of life at which the base velocity becomes zero.
         hold_timeout_s, damp_timeout_s: age of the controller's targets (period 20 ms) that is reported while they are
             held, and at which the drives damp instead.
-        position_margin_rad: distance from a joint's end over which the torque towards the end fades to zero.
+        position_margin_rad: distance from a joint limit over which the torque towards the limit fades to zero.
         overtravel_rad: beyond an end by this much, an encoder must be wrong: damp.
         leg_velocity_rps, wheel_velocity_rps, arm_velocity_rps: a joint faster than this may only be braked.
         leg_slew_rps, wheel_slew_rps2, arm_slew_rps: fastest change of a target.

@@ -1,4 +1,4 @@
-"""Runs one planned rollout tick by tick: the robot, its pipeline, the force on its hand, the motion, and what makes it unfair.
+"""Runs one planned rollout tick by tick: the robot, its pipeline, the force on its hand, the motion, and when it is rejected.
 
 The controller is fed by the `adaptive` estimate whatever runs besides, so a rollout depends on no trained network.
 """
