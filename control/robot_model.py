@@ -5,11 +5,14 @@ vectors have 28 rows in Pinocchio order: base linear velocity (3) and angular ve
 in tree order; `joint_rows` finds a joint of control.joints among them.
 """
 
+import math
 from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 
+from control.compiled import kernel
+from control.frames import quaternion_from_rotation
 from control.joints import (
     ARM_JOINT_NAMES,
     END_EFFECTOR_FRAME,
@@ -27,16 +30,6 @@ IMU_FRAME = "imu"
 GRAVITY_MPS2 = 9.81
 WRENCH_SIZE = 3 * len(LEGS) + 6
 """Length of the stacked wrench x = [lambda_c (12), f_e (3), m_e (3)] of eq. (10)."""
-
-_AT_ORIGIN = np.zeros(3)
-_CROSS_FROM_POINT = np.array(
-    [
-        [0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, -1.0, 0.0],
-        [0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0],
-        [0.0, 1.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0],
-    ]
-)
-"""Linear map (3, 9) from a point p to -skew(p), row-major, so that `-skew(p) @ w` is w x p."""
 
 
 class RobotModelError(ValueError):
@@ -104,7 +97,7 @@ class RobotModel:
 
         size = self._model.nv
         self._configuration = pin.neutral(self._model)
-        self._next_configuration = self._configuration.copy()
+        self._configuration[3:] = math.nan  # unlike whatever comes first
         self._rotation = np.eye(3)
         self.velocity = np.zeros(size)
         self.momentum = np.zeros(size)
@@ -113,7 +106,6 @@ class RobotModel:
         self._points = np.zeros((len(LEGS) + 1, 3))
         self._wrench_jacobian = np.zeros((WRENCH_SIZE, size))
         self._geometry_fresh = False
-        self._configuration_set = False
 
     def update(
         self,
@@ -134,16 +126,18 @@ class RobotModel:
         """
         self.update_configuration(rotation_base_to_world, joint_position)
         velocity = self.velocity
-        velocity[:3] = linear_velocity_in_base
-        velocity[3:6] = angular_velocity_in_base
-        velocity[self.joint_rows] = joint_velocity
+        stack_velocity(linear_velocity_in_base, angular_velocity_in_base, joint_velocity, self.joint_rows, velocity)
         pin.crba(self._model, self._data, self._configuration)
         pin.computeCoriolisMatrix(self._model, self._data, self._configuration, velocity)
-        np.dot(self.mass_matrix, velocity, out=self.momentum)
-        # Uniform gravity acts as an upward acceleration of the base, so g = M[:, :3] R^T (0, 0, 9.81).
-        np.dot(self.mass_matrix[:, :3], GRAVITY_MPS2 * self._rotation[2], out=self.gravity)
-        np.dot(velocity, self.coriolis_matrix, out=self.momentum_drift)
-        self.momentum_drift -= self.gravity
+        momentum_terms(
+            self.mass_matrix,
+            self.coriolis_matrix,
+            self._rotation,
+            velocity,
+            self.momentum,
+            self.gravity,
+            self.momentum_drift,
+        )
 
     def update_configuration(self, rotation_base_to_world: np.ndarray, joint_position: np.ndarray) -> None:
         """Move only the kinematics (frames, Jacobians); cheap when the configuration is already this one.
@@ -152,17 +146,10 @@ class RobotModel:
             rotation_base_to_world: (3, 3).
             joint_position: (22,) rad.
         """
-        candidate = self._next_configuration
-        # Not pin.Quaternion(rotation), which leaks 80 bytes a call (Pinocchio 4.1).
-        candidate[3:7] = pin.SE3ToXYZQUAT(pin.SE3(rotation_base_to_world, _AT_ORIGIN))[3:]
-        candidate[self._position_rows] = joint_position
-        if self._configuration_set and np.array_equal(candidate, self._configuration):
+        if not configure(rotation_base_to_world, joint_position, self._position_rows, self._configuration, self._rotation):
             return
-        self._configuration, self._next_configuration = candidate, self._configuration
-        self._rotation = np.array(rotation_base_to_world)
         pin.computeJointJacobians(self._model, self._data, self._configuration)
         pin.updateFramePlacements(self._model, self._data)
-        self._configuration_set = True
         self._geometry_fresh = False
 
     @property
@@ -214,18 +201,16 @@ class RobotModel:
         return pin.computeGeneralizedGravity(self._arm_model, self._arm_data, self._configuration)
 
     def _refresh_geometry(self) -> None:
-        if self._geometry_fresh:
-            return
-        points, jacobian, angular = self._points, self._wrench_jacobian, self._joint_jacobian[3:]
-        np.concatenate(self._frame_positions, out=points.reshape(-1))
-        points[:-1] += _lowest_point_from_center(angular[:, self._wheel_rows].T)
-        linear_rows = jacobian[:-3]
-        np.dot((points @ _CROSS_FROM_POINT).reshape(-1, 3), angular, out=linear_rows)
-        stacked = linear_rows.reshape(len(points), 3, -1)
-        stacked += self._joint_jacobian[:3]
-        stacked *= self._supports
-        np.multiply(angular, self._supports[-1], out=jacobian[-3:])
-        self._geometry_fresh = True
+        if not self._geometry_fresh:
+            contact_geometry(
+                self._joint_jacobian,
+                self._frame_positions,
+                self._wheel_rows,
+                self._supports,
+                self._points,
+                self._wrench_jacobian,
+            )
+            self._geometry_fresh = True
 
     def _frame_index(self, name: str, mjcf: Path) -> int:
         # A site may share its name with its body; both lie at the same place, and sites come last.
@@ -244,27 +229,131 @@ class RobotModel:
         return model
 
     def _support_masks(self) -> np.ndarray:
-        """(5, 1, 28): 1 where a generalized velocity moves wheel FL, FR, RL, RR or the end effector."""
-        mask = np.zeros((len(LEGS) + 1, 1, self._model.nv))
+        """(5, 28): whether a generalized velocity moves wheel FL, FR, RL, RR or the end effector."""
+        mask = np.zeros((len(LEGS) + 1, self._model.nv), dtype=bool)
         bodies = [*WHEEL_JOINT_NAMES, JOINT_NAMES[-1]]
         for point, joint_name in enumerate(bodies):
             for joint in list(self._model.supports[self._model.getJointId(joint_name)])[1:]:
                 start = self._model.joints[joint].idx_v
-                mask[point, 0, start : start + self._model.joints[joint].nv] = 1.0
+                mask[point, start : start + self._model.joints[joint].nv] = True
         return mask
 
 
-def _lowest_point_from_center(axes: np.ndarray) -> np.ndarray:
-    """Support point of wheel ellipsoids in direction -z, from their centres.
+@kernel("b1(matrix, vector, i8[::1], f8[::1], f8[:,::1])")
+def configure(
+    rotation_base_to_world: np.ndarray,
+    joint_position: np.ndarray,
+    position_rows: np.ndarray,
+    configuration: np.ndarray,
+    rotation: np.ndarray,
+) -> bool:
+    """Write attitude and joints into Pinocchio's configuration; whether that changed it.
 
     Args:
-        axes: (n, 3) unit wheel axes, world-aligned.
+        rotation_base_to_world: (3, 3).
+        joint_position: (22,) rad, in the order of control.joints.
+        position_rows: (22,) row of each joint in the configuration.
+        configuration: (29,) base position (3), base orientation xyzw (4), joints in tree order.
+        rotation: (3, 3) becomes the first argument.
+    """
+    w, x, y, z = quaternion_from_rotation(rotation_base_to_world)
+    changed = False
+    for row, value in ((3, x), (4, y), (5, z), (6, w)):
+        changed |= configuration[row] != value
+        configuration[row] = value
+    for joint in range(len(position_rows)):
+        row = position_rows[joint]
+        changed |= configuration[row] != joint_position[joint]
+        configuration[row] = joint_position[joint]
+    rotation[:] = rotation_base_to_world
+    return changed
 
-    Returns:
-        (n, 3) m, D^2 d / sqrt(d^T D^2 d) with d = -z and D^2 = r^2 I + (b^2 - r^2) a a^T.
+
+@kernel("void(vector, vector, vector, i8[::1], f8[::1])")
+def stack_velocity(
+    linear: np.ndarray, angular: np.ndarray, joint_velocity: np.ndarray, joint_rows: np.ndarray, velocity: np.ndarray
+) -> None:
+    """Write v (28,) = [linear (3) m/s, angular (3) rad/s, both in base, joints (22) rad/s at `joint_rows`]."""
+    for axis in range(3):
+        velocity[axis] = linear[axis]
+        velocity[3 + axis] = angular[axis]
+    for joint in range(len(joint_rows)):
+        velocity[joint_rows[joint]] = joint_velocity[joint]
+
+
+@kernel("void(f8[::1,:], f8[::1,:], f8[:,::1], f8[::1], f8[::1], f8[::1], f8[::1])")
+def momentum_terms(
+    mass_matrix: np.ndarray,
+    coriolis_matrix: np.ndarray,
+    rotation_base_to_world: np.ndarray,
+    velocity: np.ndarray,
+    momentum: np.ndarray,
+    gravity: np.ndarray,
+    momentum_drift: np.ndarray,
+) -> None:
+    """Terms of eqs. (5)-(7): p = M v, g, and C^T v - g, which equals Mdot v - h.
+
+    Uniform gravity acts as an upward acceleration of the base: g = M[:, :3] R^T (0, 0, 9.81).
+
+    Args:
+        mass_matrix: (28, 28) M.
+        coriolis_matrix: (28, 28) C with Mdot = C + C^T.
+        rotation_base_to_world: (3, 3) R.
+        velocity: (28,) v.
+        momentum, gravity, momentum_drift: (28,) the results.
+    """
+    size = len(velocity)
+    for i in range(size):
+        product, drift = 0.0, 0.0
+        for j in range(size):  # down the columns, as they lie in memory; M is symmetric
+            product += mass_matrix[j, i] * velocity[j]
+            drift += coriolis_matrix[j, i] * velocity[j]
+        momentum[i] = product
+        gravity[i] = 0.0
+        for axis in range(3):
+            gravity[i] += mass_matrix[i, axis] * (GRAVITY_MPS2 * rotation_base_to_world[2, axis])
+        momentum_drift[i] = drift - gravity[i]
+
+
+@kernel("void(f8[::1,:], UniTuple(f8[::1], 5), i8[::1], b1[:,::1], f8[:,::1], f8[:,::1])")
+def contact_geometry(
+    joint_jacobian: np.ndarray,
+    centers: tuple[np.ndarray, ...],
+    wheel_rows: np.ndarray,
+    supports: np.ndarray,
+    points: np.ndarray,
+    jacobian: np.ndarray,
+) -> None:
+    """Where wrenches act and B^T of eq. (10): the contact points of the wheels, then the end effector.
+
+    A wheel touches the ground at its ellipsoid's support point in direction d = -z, from its centre
+    D^2 d / sqrt(d^T D^2 d) with D^2 = r^2 I + (b^2 - r^2) a a^T and the wheel's axis a.
+
+    Args:
+        joint_jacobian: (6, 28) of every joint's own frame at the world's origin, linear then angular.
+        centers: (3,) m each, wheels FL, FR, RL, RR, end effector.
+        wheel_rows: (4,) generalized row of each wheel.
+        supports: (5, 28) whether a generalized velocity moves a point.
+        points: (5, 3) m, the results.
+        jacobian: (18, 28) the linear rows of the points, then the angular ones of the end effector.
     """
     flattening = WHEEL_HALF_WIDTH_M**2 - WHEEL_RADIUS_M**2
-    tilt = axes[:, 2:]
-    offset = -flattening * tilt * axes
-    offset[:, 2] -= WHEEL_RADIUS_M**2
-    return offset / np.sqrt(WHEEL_RADIUS_M**2 + flattening * tilt * tilt)
+    last = len(centers) - 1
+    for index in range(len(centers)):
+        x, y, z = centers[index]
+        if index < last:
+            row = wheel_rows[index]
+            a_x, a_y, a_z = joint_jacobian[3, row], joint_jacobian[4, row], joint_jacobian[5, row]
+            scale = math.sqrt(WHEEL_RADIUS_M**2 + flattening * a_z * a_z)
+            x -= flattening * a_z * a_x / scale
+            y -= flattening * a_z * a_y / scale
+            z -= (flattening * a_z * a_z + WHEEL_RADIUS_M**2) / scale
+        points[index, 0], points[index, 1], points[index, 2] = x, y, z
+        for row in range(joint_jacobian.shape[1]):
+            if supports[index, row]:
+                w_x, w_y, w_z = joint_jacobian[3, row], joint_jacobian[4, row], joint_jacobian[5, row]
+                jacobian[3 * index, row] = joint_jacobian[0, row] + w_y * z - w_z * y
+                jacobian[3 * index + 1, row] = joint_jacobian[1, row] + w_z * x - w_x * z
+                jacobian[3 * index + 2, row] = joint_jacobian[2, row] + w_x * y - w_y * x
+                if index == last:
+                    jacobian[3 * index + 3, row], jacobian[3 * index + 4, row], jacobian[3 * index + 5, row] = w_x, w_y, w_z

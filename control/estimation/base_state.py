@@ -14,11 +14,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from control.compiled import kernel
+from control.estimation.rolling_contact import contact_speed
 from control.frames import rotation_from_quaternion
-from control.joints import LEGS
-from control.robot_model import GRAVITY_MPS2, RobotModel
+from control.robot_model import GRAVITY_MPS2, RobotModel, stack_velocity
 from control.timing import TICK_S
 from control.types import BaseState, SensorFrame
+
+_UNKNOWN = np.full(3, np.nan)
+"""The base's linear velocity, where it is not to be read."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,20 +41,98 @@ class BaseStateConfig:
             raise ValueError(f"crossover_s must exceed period_s > 0, got {self.crossover_s} and {self.period_s}")
 
 
+@kernel("f8(f8, f8, f8, f8)")
+def middle(a: float, b: float, c: float, d: float) -> float:
+    """Mean of the two middle ones of four numbers; one that is no number counts as the largest."""
+    a = math.inf if math.isnan(a) else a
+    b = math.inf if math.isnan(b) else b
+    c = math.inf if math.isnan(c) else c
+    d = math.inf if math.isnan(d) else d
+    return 0.5 * (max(min(a, b), min(c, d)) + min(max(a, b), max(c, d)))
+
+
+@kernel(
+    "Tuple((b1, f8))(f8[:,::1], f8[::1], vector, f8[:,::1], f8[:,::1], f8[::1], f8[::1], b1, f8, f8, f8[::1], f8[::1])",
+)
+def complementary_filter(
+    rotation_base_to_world: np.ndarray,
+    rates: np.ndarray,
+    acceleration: np.ndarray,
+    jacobian: np.ndarray,
+    contact_points: np.ndarray,
+    velocity: np.ndarray,
+    lever: np.ndarray,
+    started: bool,
+    period_s: float,
+    crossover_s: float,
+    imu_velocity: np.ndarray,
+    base_velocity: np.ndarray,
+) -> tuple[bool, float]:
+    """One period of the filter above; nothing changes where its result is not finite.
+
+    Args:
+        rotation_base_to_world: (3, 3).
+        rates: (3,) rad/s, in base.
+        acceleration: (3,) m/s^2, specific force at the IMU, in base axes.
+        jacobian: (18, 28) B^T of eq. (10).
+        contact_points: (4, 3) m, world-aligned, from the base origin.
+        velocity: (28,) v with the rates and joint velocities; its first three entries are not read.
+        lever: (3,) m, IMU in base.
+        started: whether `imu_velocity` is the filter's state already; else rolling contact starts it.
+        period_s, crossover_s: s.
+        imu_velocity: (3,) m/s, in world, state of the filter.
+        base_velocity: (3,) m/s, in base, of its origin, the result.
+
+    Returns:
+        Whether the result is finite, and the height of the base origin above the ground, m.
+    """
+    r = rotation_base_to_world
+    cross = (
+        rates[1] * lever[2] - rates[2] * lever[1],
+        rates[2] * lever[0] - rates[0] * lever[2],
+        rates[0] * lever[1] - rates[1] * lever[0],
+    )
+    new, from_lever = np.empty(3), np.empty(3)
+    height = -middle(contact_points[0, 2], contact_points[1, 2], contact_points[2, 2], contact_points[3, 2])
+    total = height
+    for axis in range(3):
+        from_lever[axis] = r[axis, 0] * cross[0] + r[axis, 1] * cross[1] + r[axis, 2] * cross[2]
+        rolling = from_lever[axis] - middle(
+            contact_speed(jacobian[axis], velocity),
+            contact_speed(jacobian[3 + axis], velocity),
+            contact_speed(jacobian[6 + axis], velocity),
+            contact_speed(jacobian[9 + axis], velocity),
+        )
+        new[axis] = rolling
+        if started:
+            change = r[axis, 0] * acceleration[0] + r[axis, 1] * acceleration[1] + r[axis, 2] * acceleration[2]
+            if axis == 2:
+                change -= GRAVITY_MPS2
+            change += (rolling - imu_velocity[axis]) / crossover_s
+            new[axis] = imu_velocity[axis] + period_s * change
+        total += new[axis]
+    if not math.isfinite(total):
+        return False, 0.0
+    imu_velocity[:] = new
+    for axis in range(3):
+        base_velocity[axis] = 0.0
+        for i in range(3):
+            base_velocity[axis] += (new[i] - from_lever[i]) * r[i, axis]
+    return True, height
+
+
 class BaseStateEstimator:
     """Complementary filter from sensor frames to `BaseState`, one frame per period."""
 
     def __init__(self, config: BaseStateConfig, model: RobotModel) -> None:
         self._config = config
         self._model = model
-        self._lever = model.imu_position_in_base
         self._velocity = np.zeros(len(model.velocity))
-        self._per_wheel = np.empty((len(LEGS), 4))
+        self._imu_velocity = np.zeros(3)
         self.reset()
 
     def reset(self) -> None:
         """Start over from rolling contact at the next frame."""
-        self._imu_velocity: np.ndarray | None = None
         self._last: BaseState | None = None
 
     def step(self, sensor: SensorFrame) -> BaseState:
@@ -61,39 +143,27 @@ class BaseStateEstimator:
         Raises:
             ValueError: the first frame is not finite.
         """
-        rotation = rotation_from_quaternion(sensor.orientation_wxyz)
-        rates = sensor.angular_velocity
-        self._model.update_configuration(rotation, sensor.joint_position)
-        rolling_velocity, height = self._rolling_contact(rates, sensor.joint_velocity)
-
-        lever_velocity = rotation @ _cross(rates, self._lever)
-        imu_velocity = rolling_velocity + lever_velocity
-        if self._imu_velocity is not None:
-            correction = (imu_velocity - self._imu_velocity) / self._config.crossover_s
-            acceleration = rotation @ sensor.linear_acceleration
-            acceleration[2] -= GRAVITY_MPS2
-            imu_velocity = self._imu_velocity + self._config.period_s * (acceleration + correction)
-        if not math.isfinite(imu_velocity.sum() + height):
-            if self._last is None:
-                raise ValueError(f"the first sensor frame (time {sensor.time_s} s) is not finite; check the backend")
-            return self._last
-        self._imu_velocity = imu_velocity
-        self._last = BaseState(rotation, (imu_velocity - lever_velocity) @ rotation, np.array(rates), height)
+        model, config = self._model, self._config
+        rotation, rates = rotation_from_quaternion(sensor.orientation_wxyz), np.array(sensor.angular_velocity)
+        model.update_configuration(rotation, sensor.joint_position)
+        stack_velocity(_UNKNOWN, rates, sensor.joint_velocity, model.joint_rows, self._velocity)
+        velocity = np.empty(3)
+        finite, height = complementary_filter(
+            rotation,
+            rates,
+            sensor.linear_acceleration,
+            model.wrench_jacobian,
+            model.wheel_contact_positions,
+            self._velocity,
+            model.imu_position_in_base,
+            self._last is not None,
+            config.period_s,
+            config.crossover_s,
+            self._imu_velocity,
+            velocity,
+        )
+        if finite:
+            self._last = BaseState(rotation, velocity, rates, height)
+        elif self._last is None:
+            raise ValueError(f"the first sensor frame (time {sensor.time_s} s) is not finite; check the backend")
         return self._last
-
-    def _rolling_contact(self, rates: np.ndarray, joint_velocity: np.ndarray) -> tuple[np.ndarray, float]:
-        """World velocity (3,) m/s of the base origin and its height m, each the mean of the two middle wheels."""
-        velocity, per_wheel, model = self._velocity, self._per_wheel, self._model
-        velocity[3:6] = rates
-        velocity[model.joint_rows] = joint_velocity
-        # With the base's own linear velocity left out, a standing contact point seems to move at its negative.
-        per_wheel[:, :3] = model.wheel_contact_jacobians @ velocity
-        per_wheel[:, 3] = model.wheel_contact_positions[:, 2]
-        per_wheel.sort(axis=0)
-        middle = -0.5 * (per_wheel[1] + per_wheel[2])
-        return middle[:3], float(middle[3])
-
-
-def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Cross product of two (3,) vectors, without the overhead of np.cross."""
-    return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])

@@ -19,6 +19,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from control.compiled import kernel
+
 
 @dataclass(frozen=True, slots=True)
 class ObserverGains:
@@ -68,11 +70,54 @@ SLOPE_GAINS = ObserverGains(90.0, 2700.0, 27000.0)
 """Three poles at 30 rad/s: no lag behind a ramp, at the noise of FAST_GAINS. A step overshoots by a quarter."""
 
 
+@kernel("b1(f8[::1], f8[:,::1], b1, f8, f8, f8, f8, f8[:,:,::1])")
+def observe(
+    momentum: np.ndarray,
+    momentum_inputs: np.ndarray,
+    started: bool,
+    period_s: float,
+    momentum_gain: float,
+    residual_gain: float,
+    slope_gain: float,
+    state: np.ndarray,
+) -> bool:
+    """One period of the observer above, for k hypotheses about the input; whether all residuals are finite.
+
+    The first step starts at rest equilibrium, xi_hat = -u: what holds the robot up is then known from the first tick,
+    instead of being found within a few time constants.
+
+    Args:
+        momentum: (n,) p at the end of the period.
+        momentum_inputs: (k, n) u over the period.
+        started: whether `state` is the observer's already.
+        period_s: s.
+        momentum_gain, residual_gain, slope_gain: of the implicit step, see `MomentumObserver.gains`.
+        state: (3, k, n) p_hat, the residual xi_hat, and zeta_hat; changed to those at the end of the period.
+    """
+    total = 0.0
+    for k in range(momentum_inputs.shape[0]):
+        for i in range(len(momentum)):
+            if started:
+                foreseen = state[1, k, i] + period_s * state[2, k, i]
+                predicted = state[0, k, i] + period_s * (momentum_inputs[k, i] + foreseen)
+                error = momentum[i] - predicted
+                state[0, k, i] = predicted + momentum_gain * error
+                state[1, k, i] = foreseen + residual_gain * error
+                state[2, k, i] += slope_gain * error
+            else:
+                state[0, k, i] = momentum[i]
+                state[1, k, i] = -momentum_inputs[k, i]
+                state[2, k, i] = 0.0
+            total += state[1, k, i]
+    return math.isfinite(total)
+
+
 class MomentumObserver:
     """Observer of the disturbance of one momentum vector, or of several input hypotheses about it at once.
 
     Attributes:
-        residual: r, the estimate of xi; the next `step` replaces the array.
+        residual: r, the estimate of xi; the next `step` overwrites the array.
+        finite: whether all of it is finite.
     """
 
     def __init__(self, gains: ObserverGains, period_s: float) -> None:
@@ -95,18 +140,16 @@ class MomentumObserver:
         residual = (gains.k2 + slope) * h
         momentum = (gains.k1 + residual) * h
         shared = 1.0 + momentum
-        self._momentum_gain, self._residual_gain, self._slope_gain = momentum / shared, residual / shared, slope / shared
+        self._implicit_gains = momentum / shared, residual / shared, slope / shared
 
     def reset(self) -> None:
         """Forget the state; the next step starts at equilibrium."""
-        self._momentum_estimate: np.ndarray | None = None
+        self._state: np.ndarray | None = None
         self.residual = np.zeros(0)
+        self.finite = True
 
     def step(self, momentum: np.ndarray, momentum_input: np.ndarray) -> np.ndarray:
-        """Advance one period.
-
-        The first step starts at rest equilibrium, xi_hat = -u: what holds the robot up is then known from the first tick,
-        instead of being found within a few time constants.
+        """Advance one period, see `observe`.
 
         Args:
             momentum: (n,) p at the end of the period.
@@ -115,17 +158,10 @@ class MomentumObserver:
         Returns:
             r, of the shape of `momentum_input`.
         """
-        if self._momentum_estimate is None:
-            self._momentum_estimate = np.broadcast_to(momentum, momentum_input.shape).copy()
-            self.residual = -momentum_input
-            self._slope = np.zeros_like(momentum_input)
-            return self.residual
-        foreseen = self.residual + self._period_s * self._slope
-        predicted = momentum_input + foreseen
-        predicted *= self._period_s
-        predicted += self._momentum_estimate
-        error = momentum - predicted
-        self._momentum_estimate = predicted + self._momentum_gain * error
-        self.residual = foreseen + self._residual_gain * error
-        self._slope = self._slope + self._slope_gain * error
+        hypotheses = momentum_input.reshape(-1, len(momentum))
+        started = self._state is not None
+        if self._state is None:
+            self._state = np.empty((3, *hypotheses.shape))
+            self.residual = self._state[1].reshape(momentum_input.shape)
+        self.finite = observe(momentum, hypotheses, started, self._period_s, *self._implicit_gains, self._state)
         return self.residual

@@ -8,14 +8,64 @@ import math
 
 import numpy as np
 
+from control.compiled import kernel
 from control.estimation.force_estimator import EstimatorInput
 from control.estimation.momentum_observer import MomentumObserver, ObserverGains
+from control.joints import JOINT_COUNT
 
 FRICTION_SMOOTHING_RPS = 0.01
 """Joint speed at which dry friction reaches tanh(1) of its value. It may lie below the noise of the velocity, which smooths
 what the observer averages anyway."""
 
 _RESIDUAL, _INERTIAL, _RESIDUAL_WITH_FRICTION = range(3)
+
+
+@kernel("void(vector, f8[::1], f8[::1], f8[::1])")
+def nominal_friction_torque(
+    joint_velocity: np.ndarray, dry_friction: np.ndarray, damping: np.ndarray, friction: np.ndarray
+) -> None:
+    """Torque that nominal joint damping and dry friction take away: mu tanh(v / v_0) + d v.
+
+    Args:
+        joint_velocity: (22,) v, rad/s.
+        dry_friction: (22,) mu, N m.
+        damping: (22,) d, N m s/rad.
+        friction: (22,) N m, the result.
+    """
+    for joint in range(len(friction)):
+        velocity = joint_velocity[joint]
+        friction[joint] = dry_friction[joint] * math.tanh(velocity / FRICTION_SMOOTHING_RPS) + damping[joint] * velocity
+
+
+@kernel("void(f8[::1], f8[::1], vector, f8[::1], i8[::1], f8[:,::1])")
+def momentum_inputs(
+    drift_before: np.ndarray,
+    drift: np.ndarray,
+    torque: np.ndarray,
+    friction: np.ndarray,
+    joint_rows: np.ndarray,
+    inputs: np.ndarray,
+) -> None:
+    """Known inputs u = S^T tau + Mdot v - h of eq. (7) over the tick that ends now.
+
+    The torque acted over that tick; the model's terms are those at its start.
+
+    Args:
+        drift_before: (28,) Mdot v - h at the tick's start; becomes `drift`.
+        drift: (28,) Mdot v - h now.
+        torque: (22,) N m, measured.
+        friction: (22,) N m, nominal, zero where it is not to be taken out of the residual.
+        joint_rows: (22,) generalized row of each joint.
+        inputs: (3, 28) the results: all told; told neither torque nor friction; told all but the friction.
+    """
+    for row in range(len(drift)):
+        for k in range(len(inputs)):
+            inputs[k, row] = drift_before[row]
+        drift_before[row] = drift[row]
+    for joint in range(len(joint_rows)):
+        row = joint_rows[joint]
+        inputs[_RESIDUAL, row] += torque[joint] - friction[joint]
+        inputs[_RESIDUAL_WITH_FRICTION, row] += torque[joint]
 
 
 class MomentumResidual:
@@ -33,6 +83,8 @@ class MomentumResidual:
         """
         self._observer = MomentumObserver(gains, period_s)
         self._with_friction = with_friction
+        self._friction = np.zeros(JOINT_COUNT)
+        self._momentum_inputs = np.zeros((3, 6 + JOINT_COUNT))
         self.reset()
 
     @property
@@ -55,19 +107,16 @@ class MomentumResidual:
         if self._inputs is not None and inputs.tick == self._inputs.tick:
             return False
         self._inputs = inputs
-        model = inputs.model
-        torque = inputs.sensor.joint_torque
-        if self._with_friction:
-            torque = torque - nominal_friction_torque(inputs)
-        # The torque acted over the tick that ends now; the model's terms are those at its start.
-        drift = model.momentum_drift if self._drift is None else self._drift
-        momentum_inputs = np.array((drift, drift, drift))
-        momentum_inputs[_RESIDUAL, model.joint_rows] += torque
-        momentum_inputs[_RESIDUAL_WITH_FRICTION, model.joint_rows] += inputs.sensor.joint_torque
-        self._drift = model.momentum_drift.copy()
-        self._estimates = self._observer.step(model.momentum, momentum_inputs)
-        if not math.isfinite(self._estimates.sum()):
+        model, sensor = inputs.model, inputs.sensor
+        if self._drift is None:
             self._observer.reset()
+            self._drift = model.momentum_drift.copy()
+        if self._with_friction:
+            nominal_friction_torque(sensor.joint_velocity, model.joint_friction, model.joint_damping, self._friction)
+        torque, rows = sensor.joint_torque, model.joint_rows
+        momentum_inputs(self._drift, model.momentum_drift, torque, self._friction, rows, self._momentum_inputs)
+        self._observer.step(model.momentum, self._momentum_inputs)
+        if not self._observer.finite:
             self._drift = None
         return True
 
@@ -79,25 +128,21 @@ class MomentumResidual:
         return self._inputs
 
     @property
+    def finite(self) -> bool:
+        """Whether `residual` and all else is finite; not so when the newest tick was not."""
+        return self._observer.finite
+
+    @property
     def residual(self) -> np.ndarray:
-        """(28,) r, generalized order; not finite when the newest tick was not. After the first tick only."""
-        return self._estimates[_RESIDUAL]
+        """(28,) r, generalized order; the next tick overwrites it. After the first tick only."""
+        return self._observer.residual[_RESIDUAL]
 
     @property
     def inertial_force(self) -> np.ndarray:
         """(28,) N = M vdot + h of the nominal model, lagging like r. After the first tick only."""
-        return self._estimates[_INERTIAL]
+        return self._observer.residual[_INERTIAL]
 
     @property
     def friction_force(self) -> np.ndarray:
         """(28,) nominal joint friction that was taken out of r, lagging like r; zero without. After the first tick only."""
-        return self._estimates[_RESIDUAL] - self._estimates[_RESIDUAL_WITH_FRICTION]
-
-
-def nominal_friction_torque(inputs: EstimatorInput) -> np.ndarray:
-    """Torque (22,) N m that nominal joint damping and dry friction take away at this tick."""
-    velocity = inputs.sensor.joint_velocity
-    friction = np.tanh(velocity / FRICTION_SMOOTHING_RPS)
-    friction *= inputs.model.joint_friction
-    friction += inputs.model.joint_damping * velocity
-    return friction
+        return self._observer.residual[_RESIDUAL] - self._observer.residual[_RESIDUAL_WITH_FRICTION]
