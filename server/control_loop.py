@@ -141,6 +141,7 @@ class ControlLoop:
         self._sequence += 1
         record["sequence"] = self._sequence
         record["wall_time_s"] = time.time()
+        record["backend_error"] = (self._failure or "").encode(errors="replace")
         if self._failure is not None:
             record["mode"] = Mode.FAULT
         elif not self._running and record["mode"] == Mode.RUNNING:

@@ -11,12 +11,16 @@ import msgspec
 import numpy as np
 
 from control.joints import JOINT_NAMES, LEGS
-from control.safety import Fault
 from control.types import Command
-from sim.backends.hardware.states import DriveState, Trip, describe
+from sim.backends.hardware.states import DriveState
+from sim.runtime.fault_words import (
+    CONTROL_PROCESS_DEAD,
+    CONTROL_PROCESS_DEAD_WORDS,
+    drive_fault_words,
+    fault_words,
+    message,
+)
 from sim.runtime.snapshot import Mode, on_hardware
-
-CONTROL_PROCESS_DEAD = "CONTROL_PROCESS_DEAD"
 
 Json = dict[str, Any]
 
@@ -28,10 +32,6 @@ def _vector(values: np.ndarray) -> list[float] | None:
 
 def _number(value: Any) -> float | None:
     return float(value) if math.isfinite(value) else None
-
-
-def _faults(record: np.void) -> list[str]:
-    return [fault.name for fault in Fault(int(record["faults"])) if fault.name is not None]
 
 
 def command_fields(record: np.void) -> Json:
@@ -108,10 +108,9 @@ def _drive(record: np.void) -> Json | None:
     """State of a robot's drives; None in simulation."""
     if not on_hardware(record):
         return None
-    faults = describe(Trip(int(record["drive_faults"])))
     return {
         "state": DriveState(int(record["drive_state"])).name.lower(),
-        "faults": faults,
+        "faults": drive_fault_words(record),
         "dry_run": bool(record["dry_run"]),
     }
 
@@ -141,7 +140,9 @@ SECTIONS: dict[str, Callable[[np.void], Any]] = {
     "wall_time_s": lambda record: float(record["wall_time_s"]),
     "sequence": lambda record: int(record["sequence"]),
     "mode": lambda record: Mode(int(record["mode"])).name.lower(),
-    "faults": _faults,
+    "faults": lambda record: list(fault_words(record)),
+    "fault_words": fault_words,
+    "message": message,
     "backend": lambda record: record["backend"].decode(),
     "drive": _drive,
     "scene": lambda record: record["scene"].decode(),
@@ -170,6 +171,10 @@ def state_json(record: np.void, fields: Iterable[str] = SECTIONS, *, alive: bool
             state["mode"] = Mode.FAULT.name.lower()
         if "faults" in state:
             state["faults"] = [*state["faults"], CONTROL_PROCESS_DEAD]
+        if "fault_words" in state:
+            state["fault_words"] |= {CONTROL_PROCESS_DEAD: CONTROL_PROCESS_DEAD_WORDS}
+        if "message" in state:
+            state["message"] = CONTROL_PROCESS_DEAD_WORDS
         if "loop" in state:
             state["loop"] |= {"rate_hz": 0.0, "real_time_factor": 0.0}
     return state

@@ -54,7 +54,6 @@ class MomentumResidual:
         """Advance by one tick and say so; a tick already taken in is ignored."""
         if self._inputs is not None and inputs.tick == self._inputs.tick:
             return False
-        self._inputs = inputs
         model = inputs.model
         torque = inputs.sensor.joint_torque
         if self._with_friction:
@@ -69,6 +68,7 @@ class MomentumResidual:
         if not math.isfinite(self._estimates.sum()):
             self._observer.reset()
             self._drift = None
+        self._inputs = inputs
         return True
 
     @property

@@ -5,6 +5,7 @@ from typing import Any
 
 from fastapi import APIRouter, Response
 
+from control.faults import FAULT_WORDS, Fault
 from server.dependencies import TheBuild, TheOperator
 from server.responses import answers, json_response
 from server.schemas import RestartRequest
@@ -39,7 +40,9 @@ _STATE = {
     "wall_time_s": 1735689600.0,
     "sequence": 1234,
     "mode": "running",
-    "faults": [],
+    "faults": ["TIP_OVER_LIMIT"],
+    "fault_words": {"TIP_OVER_LIMIT": FAULT_WORDS[Fault.TIP_OVER_LIMIT]},
+    "message": None,
     "backend": "simulation",
     "drive": None,
     "scene": "free",

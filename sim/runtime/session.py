@@ -18,7 +18,7 @@ from sim.backends.simulation.mujoco_backend import MujocoBackend
 from sim.backends.simulation.sensors import SensorConfig
 from sim.backends.simulation.wrenches import ActiveWrench, Pulse
 from sim.runtime.snapshot import Mode, command_from_record, command_to_record
-from sim.runtime.snapshot_writer import write_forces, write_policy, write_robot
+from sim.runtime.snapshot_writer import write_faults, write_forces, write_policy, write_robot
 
 DRAG_HEARTBEAT_S = 0.3
 """A drag whose operator has not been heard for this long is let go."""
@@ -209,7 +209,7 @@ class Session:
         record["sequence"] += 1
         record["time_s"] = self.time_s
         record["mode"] = self.mode
-        record["faults"] = int(output.safety.faults)
+        write_faults(record, output)
         record["backend"] = self.backend.capabilities.name
         record["scene"] = self.backend.scene
         record["controller"] = self.pipeline.controller_name

@@ -42,7 +42,10 @@ SNAPSHOT = np.dtype(
         ("time_s", "f8"),  # simulated (or robot) time
         ("wall_time_s", "f8"),  # time.time() of the tick
         ("mode", "u1"),  # Mode
-        ("faults", "u4"),  # control.safety.Fault bits
+        ("faults", "u4"),  # control.faults.Fault bits
+        ("controller_error", "S160"),  # name and exception of the controller that failed, with the bit of that name
+        ("estimator_error", "S160"),  # of the estimators that failed
+        ("backend_error", "S160"),  # what ended the backend until a reset
         ("backend", "S16"),
         ("drive_state", "u1"),  # sim.backends.hardware.states.DriveState; on hardware only, as the next two
         ("drive_faults", "u4"),  # Trip bits

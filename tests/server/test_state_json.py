@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from control.safety import Fault
+from control.faults import Fault
 from server.state import SECTIONS, encode, estimator_errors, state_json
 from sim.runtime.snapshot import SNAPSHOT, Mode
 

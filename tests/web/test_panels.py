@@ -5,7 +5,7 @@ import pytest
 import viser
 from recording_sink import RecordingSink
 
-from control.safety import Fault
+from control.faults import Fault
 from sim.runtime.snapshot import Mode
 from web.alert import alert_text
 from web.command_panel import CommandPanel, reachable

@@ -11,18 +11,6 @@ import { reporting } from "./toast.js";
 const RATE_HZ = 10;
 const DEAD = "CONTROL_PROCESS_DEAD";
 
-const FAULT_WORDS = {
-  tilt: "the base tilts too far",
-  not_finite: "a value is not finite",
-  stale_setpoint: "no fresh command arrives",
-  stale_targets: "the controller delivers no targets",
-  joint_limit: "a joint is at its limit",
-  torque_limit: "a joint is at its torque limit",
-  estimator_stale: "the force estimate is stale",
-  controller_error: "the controller failed",
-  tip_over_limit: "the commanded force is reduced, or the robot would tip over",
-};
-
 const pauseButton = document.getElementById("pause");
 const resetButton = document.getElementById("reset");
 const panelButton = document.getElementById("panel");
@@ -37,33 +25,31 @@ function onState(state) {
   latest = state;
   showState(state);
   showForces(state);
-  showEstop(state.mode === "estop", state.drive ? "Press again: the drives stay damped" : "Press again: the robot stands up");
+  showEstop(state.mode === "estop", state.message, state.drive ? "Press again: the drives stay damped" : "Press again: the robot stands up");
   const label = halted ? "Resume" : "Pause";
   if (pauseButton.textContent !== label) pauseButton.textContent = label;
   pauseButton.setAttribute("aria-pressed", String(halted));
-  showFaults(state);
-  showDead(state.faults.includes(DEAD));
+  const dead = state.faults.includes(DEAD);
+  showFaults(state, dead);
+  showDead(state, dead);
 }
 
-function showDead(dead) {
-  pauseButton.disabled = resetButton.disabled = dead || latest.drive !== null;
+function showDead(state, dead) {
+  pauseButton.disabled = resetButton.disabled = dead || state.drive !== null;
   if (!dead) return hideBanner("control");
   showMode("stopped");
   showForces(null);
-  showBanner("control", "stop", "The control process has stopped. Nothing controls the robot.", {
+  showBanner("control", "stop", state.message, {
     label: "Restart control",
     act: () => reporting(() => call("POST", "control/restart", {})),
   });
 }
 
 /** Faults that damp get a banner; limits that come and go are told in the status bar, which does not move the scene. */
-function showFaults(state) {
-  const faults = state.faults.filter((fault) => fault !== DEAD).map((fault) => FAULT_WORDS[fault.toLowerCase()] ?? fault);
-  const words = [...(state.drive?.faults ?? []), ...faults];
-  const damped = state.mode === "fault" && words.length > 0;
-  if (damped) showBanner("fault", "warn", `Fault: ${words.join(", ")}. The drives only damp.`);
+function showFaults(state, dead) {
+  if (state.mode === "fault" && !dead) showBanner("fault", "warn", state.message);
   else hideBanner("fault");
-  showLimits(state.mode === "running" ? words : []);
+  showLimits(state.mode === "running" ? [...(state.drive?.faults ?? []), ...Object.values(state.fault_words)] : []);
 }
 
 function onLink(link) {

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from control.command.limits import DEFAULT_COMMAND
+from control.faults import Fault
 from control.pipeline import Pipeline, PipelineConfig
-from control.safety import Fault
 from control.timing import CONTROL_PERIOD_S
 from control.types import Command, SensorFrame
 from sim.runtime.session import Session, SessionConfig, SessionError
