@@ -106,7 +106,6 @@ class MomentumResidual:
         """Advance by one tick and say so; a tick already taken in is ignored."""
         if self._inputs is not None and inputs.tick == self._inputs.tick:
             return False
-        self._inputs = inputs
         model, sensor = inputs.model, inputs.sensor
         if self._drift is None:
             self._observer.reset()
@@ -118,6 +117,7 @@ class MomentumResidual:
         self._observer.step(model.momentum, self._momentum_inputs)
         if not self._observer.finite:
             self._drift = None
+        self._inputs = inputs
         return True
 
     @property

@@ -2,16 +2,15 @@
 
 from typing import Annotated
 
+from control.faults import Fault
 from control.joints import JOINT_NAMES, LEGS
-from control.safety import Fault
 from server.answers.command import CommandFields
 from server.answers.schema import Answer, OneOf, PerJoint, Quaternion, Vector3, names_of
-from server.pacing import LOOP_OVERRUNS
 from server.silence import CONTROL_PROCESS_DEAD, CONTROL_PROCESS_SILENT
 from sim.backends.hardware.states import DriveState
+from sim.runtime.fault_words import BACKEND_FAILED, LOOP_OVERRUNS
 from sim.runtime.snapshot import Mode
 
-BACKEND_FAILED = "BACKEND_FAILED"
 """Name of the fault whose reason is the state's `failure`."""
 
 _FAULTS = OneOf(
@@ -133,6 +132,10 @@ class StateAnswer(Answer):
     faults: list[Annotated[str, _FAULTS]]
     """why the safety gate damps, or what it limits; or that the backend failed, or that the control process is dead, silent or
     too slow"""
+    fault_words: dict[str, str]
+    """each of `faults` in words; a controller or an estimator that failed is named with its exception"""
+    message: str | None
+    """why the robot does not obey, in one sentence; null while it does"""
     failure: str | None
     """why the backend steps no more, such as a simulation that diverged, with the cure; null while it does"""
     backend: str

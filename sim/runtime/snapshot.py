@@ -47,7 +47,9 @@ SNAPSHOT = np.dtype(
         ("wall_time_s", "f8"),  # time.time() of the tick
         ("published_s", "f8"),  # time.monotonic() of the snapshot
         ("mode", "u1"),  # Mode
-        ("faults", "u4"),  # control.safety.Fault bits
+        ("faults", "u4"),  # control.faults.Fault bits
+        ("controller_error", "S160"),  # name and exception of the controller that failed, with the bit of that name
+        ("estimator_error", "S160"),  # of the estimators that failed
         ("failure", "S160"),  # why the backend steps no more, and the cure; empty while it does
         ("backend", NAME),
         ("drive_state", "u1"),  # sim.backends.hardware.states.DriveState; on hardware only, as the next two

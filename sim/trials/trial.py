@@ -116,7 +116,7 @@ class Trial:
     def run(self, command: Command, seconds: float) -> Iterator[float]:
         """Tick under a command; yields the elapsed time, s, every controller period."""
         for tick in range(1, round(seconds / TICK_S) + 1):
-            self.session.tick(command)
+            self.session.tick(command).raise_failures()
             if tick % SLOT_COUNT == 0:
                 yield tick * TICK_S
 

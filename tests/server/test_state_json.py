@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from control.safety import Fault
+from control.faults import Fault
 from server.answers.state import StateAnswer
 from server.silence import CONTROL_PROCESS_DEAD, CONTROL_PROCESS_SILENT, Silence
 from server.state import SECTIONS, encode, estimator_errors, state_json

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import viser
 
-from control.safety import Fault
+from control.faults import Fault
 from sim.runtime.snapshot import Mode
 from tests.web.recording_sink import RecordingSink
 from web.alert import alert_text

@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from control.safety import Fault
+from control.faults import Fault
 from web import theme
 from web.viser_page import CLIENT, STATIC, viser_page
 
