@@ -1,21 +1,15 @@
 """A contributor's controller that raises in its third second, from the control process to REST."""
 
-import time
-from collections.abc import Callable, Iterator
-
-import httpx
 import numpy as np
 import pytest
-from fastapi.testclient import TestClient
 
 from control.pipeline import UnknownNameError
 from control.whole_body.controller import Controller, ControllerInput
-from server.app import create_app
 from server.control_client import ControlClient
 from server.control_process import ControlLaunch
 from server.errors import ControlDeadError
-from server.operator import Operator
-from sim.runtime.session import Session, SessionConfig
+from sim.runtime.simulation import Simulation, SimulationConfig
+from tests.server.running_server import RunningServer, running_server
 
 SOUND_S = 2.2
 
@@ -36,55 +30,43 @@ class Misshapen:
         return self._sound.step(inputs) + np.zeros(22 if time_s - self._start_s < SOUND_S else 21)
 
 
-def contributed(config: SessionConfig) -> Session:
+def contributed(config: SimulationConfig) -> Simulation:
     """A session as a contributor makes it."""
-    session = Session(config)
+    session = Simulation(config)
     session.pipeline.add_controller("mine", Misshapen(session.pipeline.controllers["model_based"]))
     return session
 
 
-def refused(config: SessionConfig) -> Session:
+def refused(config: SimulationConfig) -> Simulation:
     """A session whose configuration names what does not exist."""
     raise UnknownNameError("controller", "theirs", ("mine",))
 
 
-@pytest.fixture
-def http() -> Iterator[httpx.Client]:
-    launch = ControlLaunch(make_session=contributed)
-    client = ControlClient(launch)
-    client.start()
-    client.wait_ready()
-    with TestClient(create_app(Operator(client, launch), viser_port=1), base_url="http://127.0.0.1") as http:
-        yield http
-    client.close()
-
-
-def wait_for(http: httpx.Client, condition: Callable[[dict], bool]) -> dict:
-    end = time.monotonic() + 40.0
-    while not condition(state := http.get("/api/v1/state").json()):
-        assert time.monotonic() < end, f"did not happen; the state is {state}"
-        time.sleep(0.01)
-    return state
-
-
-def test_rest_shows_the_fault_the_log_the_line_and_another_controller_takes_over(
-    http: httpx.Client, capfd: pytest.CaptureFixture[str]
-) -> None:
+def fail_and_switch(server: RunningServer) -> None:
+    """Select the controller with the defect, wait for its fault, and select a sound one."""
+    http = server.http
     http.put("/api/v1/controller", json={"name": "mine"}).raise_for_status()
-    wait_for(http, lambda state: state["controller"] == "mine" and state["mode"] == "running")
-    state = wait_for(http, lambda state: state["mode"] == "fault")
+    server.wait_for(lambda state: state["controller"] == "mine" and state["mode"] == "running")
+    state = server.wait_for(lambda state: state["mode"] == "fault")
     assert {"CONTROLLER_ERROR", "STALE_TARGETS"} <= {*state["faults"]} == {*state["fault_words"]}
     assert "mine, ValueError: operands could not be broadcast" in state["fault_words"]["CONTROLLER_ERROR"]
     assert "motors are damping only" in state["message"] and "mine" in state["message"]
     assert http.get("/api/v1/health").status_code == 200
 
     http.put("/api/v1/controller", json={"name": "model_based"}).raise_for_status()
-    state = wait_for(http, lambda state: state["mode"] == "running")
+    state = server.wait_for(lambda state: state["mode"] == "running")
     assert state["controller"] == "model_based"
     assert (state["faults"], state["fault_words"], state["message"]) == ([], {}, None)
+
+
+def test_rest_shows_the_fault_the_log_the_line_and_another_controller_takes_over(capfd: pytest.CaptureFixture[str]) -> None:
+    # Within the test: what a process writes that a fixture has started is not what capfd reads.
+    with running_server(ControlLaunch(make_session=contributed)) as server:
+        fail_and_switch(server)
     logged = capfd.readouterr().err
-    assert logged.count("ValueError: operands could not be broadcast together") == 2  # its first line and its traceback
-    assert "line" in logged and "self._sound.step(inputs) + np.zeros" in logged
+    assert logged.count("Traceback") == 1
+    assert "CONTROLLER_ERROR of 'mine'" in logged
+    assert "self._sound.step(inputs) + np.zeros" in logged
 
 
 def test_a_refused_construction_says_what_to_do_and_nothing_else(capfd: pytest.CaptureFixture[str]) -> None:

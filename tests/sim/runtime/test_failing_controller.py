@@ -9,7 +9,7 @@ from control.pipeline import PipelineOutput
 from control.timing import TICK_S
 from control.whole_body.controller import Controller, ControllerInput
 from sim.runtime.fault_words import fault_words, message
-from sim.runtime.session import Session, SessionConfig
+from sim.runtime.simulation import Simulation, SimulationConfig
 from sim.runtime.snapshot import SNAPSHOT, Mode
 
 SOUND_S = 2.5
@@ -31,19 +31,19 @@ class Misshapen:
         return self._sound.step(inputs) + np.zeros(22 if time_s - self._start_s < SOUND_S else 21)
 
 
-def run(session: Session, seconds: float) -> PipelineOutput:
+def run(session: Simulation, seconds: float) -> PipelineOutput:
     for _ in range(round(seconds / TICK_S)):
         session.tick(DEFAULT_COMMAND)
     return session.output
 
 
-def snapshot(session: Session) -> np.void:
+def snapshot(session: Simulation) -> np.void:
     record = np.zeros(1, SNAPSHOT)[0]
     session.fill(record)
     return record
 
 
-def height_and_tilt(session: Session) -> tuple[float, float]:
+def height_and_tilt(session: Simulation) -> tuple[float, float]:
     truth = session.truth()
     assert truth is not None
     _, x, y, _ = truth.base_orientation_wxyz
@@ -51,7 +51,7 @@ def height_and_tilt(session: Session) -> tuple[float, float]:
 
 
 def test_the_robot_sinks_upright_and_stands_up_under_another_controller(caplog: pytest.LogCaptureFixture) -> None:
-    session = Session(SessionConfig(seed=4))
+    session = Simulation(SimulationConfig(seed=4))
     pipeline = session.pipeline
     pipeline.add_controller("misshapen", Misshapen(pipeline.controllers["model_based"]))
     session.select_controller("misshapen")
@@ -80,7 +80,7 @@ def test_the_robot_sinks_upright_and_stands_up_under_another_controller(caplog: 
 
 
 def test_a_snapshot_of_an_estimator_that_has_never_estimated_says_that_there_is_no_force() -> None:
-    session = Session(SessionConfig(seed=4))
+    session = Simulation(SimulationConfig(seed=4))
 
     def fail() -> None:
         raise ArithmeticError("größer als π\nsecond line")
