@@ -77,7 +77,7 @@ def control_process(
         raise
 
 
-def _make_session(launch: ControlLaunch, pipe: Connection) -> Session:
+def _make_session(launch: ControlLaunch, pipe: Connection) -> Session[Backend]:
     """The session. What it is refused for, such as a name or the weights, ends the process."""
     try:
         return launch.make_session(launch.session)

@@ -11,8 +11,6 @@ from sim.backends.hardware.states import DriveState
 from sim.runtime.fault_words import BACKEND_FAILED, LOOP_OVERRUNS
 from sim.runtime.snapshot import Mode
 
-"""Name of the fault whose reason is the state's `failure`."""
-
 _FAULTS = OneOf(
     (
         BACKEND_FAILED,

@@ -7,6 +7,8 @@ from sim.backends.hardware import states
 from sim.runtime.snapshot import Mode, on_hardware
 
 BACKEND_FAILED = "BACKEND_FAILED"
+"""Its reason is the snapshot's `failure`."""
+
 LOOP_OVERRUNS = "LOOP_OVERRUNS"
 OVERRUN_SHARE_LIMIT = 0.05
 """More missed deadlines than this, and the loop does not keep its rate."""

@@ -9,10 +9,11 @@ from enum import IntEnum
 import numpy as np
 
 from control.joints import JOINT_COUNT, LEGS
+from control.timing import MOST_ESTIMATORS
 from control.types import Command
 
 NAME_BYTES = 16
-MAX_ESTIMATORS = 8
+MAX_ESTIMATORS = MOST_ESTIMATORS
 MAX_OBJECTS = 8
 MAX_OBSERVATION = 160
 """sim.runtime.snapshot_limits refuses what is longer or more."""

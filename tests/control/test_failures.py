@@ -33,13 +33,13 @@ class Stand:
 
     def run(self, seconds: float = TICK_S) -> PipelineOutput:
         """The output of the last tick."""
-        zero = np.zeros(JOINT_COUNT)
-        for _ in range(round(seconds / TICK_S)):
-            attitude, gravity = np.array([1.0, 0.0, 0.0, 0.0]), np.array([0.0, 0.0, 9.81])
-            sensor = SensorFrame(self.time_s, attitude, np.zeros(3), gravity, NOMINAL_POSITION, zero, zero)
-            output = self.pipeline.step(sensor, DEFAULT_COMMAND)
-            self.time_s += TICK_S
-        return output
+        return [self._tick() for _ in range(round(seconds / TICK_S))][-1]
+
+    def _tick(self) -> PipelineOutput:
+        zero, attitude, gravity = np.zeros(JOINT_COUNT), np.array([1.0, 0.0, 0.0, 0.0]), np.array([0.0, 0.0, 9.81])
+        sensor = SensorFrame(self.time_s, attitude, np.zeros(3), gravity, NOMINAL_POSITION, zero, zero)
+        self.time_s += TICK_S
+        return self.pipeline.step(sensor, DEFAULT_COMMAND)
 
     def use(self, step: Callable[[ControllerInput], Any], name: str = "mine") -> None:
         """Select a controller of one's own."""
@@ -50,11 +50,14 @@ class Stand:
 class Own:
     """A contributor's controller."""
 
-    def __init__(self, step: Callable[[ControllerInput], Any]) -> None:
-        self.step = step
+    def __init__(self, compute: Callable[[ControllerInput], Any]) -> None:
+        self._compute = compute
 
     def reset(self) -> None:
         """Nothing is kept."""
+
+    def step(self, inputs: ControllerInput) -> Any:
+        return self._compute(inputs)
 
 
 @pytest.fixture
@@ -136,7 +139,7 @@ def test_a_failure_now_and_then_is_shown_all_the_time_and_logged_once(stand: Sta
         return hold(inputs) if calls % 3 else misshapen(inputs)
 
     stand.use(shaky)
-    stand.run(0.1)
+    output = stand.run(0.1)
     for _ in range(50):
         output = stand.run(0.02)
         assert Fault.CONTROLLER_ERROR in output.failures
@@ -220,6 +223,8 @@ def test_an_estimator_that_is_only_shown_stops_nobody(method: str, defect: Calla
     for stand in (sound, broken):
         stand.run(0.2)
     setattr(broken.pipeline.estimators["gmo_pi"], method, defect)
+    output = broken.run()
+    sound.run()
     for _ in range(100):
         expected, output = sound.run(), broken.run()
         np.testing.assert_array_equal(output.joint_command.position, expected.joint_command.position)
