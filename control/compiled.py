@@ -88,7 +88,7 @@ def kernel(*signatures: str, **records: np.dtype) -> Callable[[_Function], _Func
         if CACHE is not None:
             folder = CACHE / _digests[function]
             folder.mkdir(exist_ok=True)
-            os.utime(folder)  # in use: control.compile_all removes what is not
+            os.utime(folder)  # in use: server.compile_all removes what is not
             config.CACHE_DIR = str(folder)
         types = [eval(signature, {}, names) for signature in signatures]
         compiled: Any = numba.njit(types, cache=CACHE is not None, error_model="numpy")(function)

@@ -41,7 +41,7 @@ def main() -> None:
         sys.exit(emulate(sys.argv[2:]))
     arguments = parser().parse_args()
     # The spawned control process imports this module too and needs nothing below.
-    from control.compile_all import compile_all
+    from server.compile_all import compile_all
 
     compile_all(_tell_compiled)
     from control.pipeline import PipelineConfig
