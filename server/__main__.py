@@ -86,7 +86,7 @@ def _token(arguments: argparse.Namespace) -> str | None:
 
 
 def _tell_compiled(done: int, count: int, _module: str) -> None:
-    _say(sys.stdout, f"Compiling the control laws, once: {done} of {count}")
+    _say(sys.stderr, f"Compiling the control laws, once: {done} of {count}")
 
 
 def _say(stream: TextIO, text: str) -> None:
