@@ -76,7 +76,7 @@ def test_unusable_files_name_the_cure(tmp_path: Path, content: str | None):
     path = tmp_path / "surrogate.json"
     if content is not None:
         path.write_text(content)
-    with pytest.raises(SurrogateError, match="fit_estimator_surrogate"):
+    with pytest.raises(SurrogateError, match="fit_surrogate"):
         fitted_surrogate(path)
 
 
