@@ -22,6 +22,7 @@ import llvmlite
 import llvmlite.binding
 import numba
 import numpy as np
+from numba.core import config
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 _log = logging.getLogger(__name__)
@@ -78,7 +79,7 @@ def kernel(*signatures: str, **records: np.dtype) -> Callable[[_Function], _Func
     names = _NAMES | {name: numba.from_dtype(layout) for name, layout in records.items()}
 
     def decorate(function: _Function) -> _Function:
-        if numba.config.DISABLE_JIT:
+        if config.DISABLE_JIT:
             return function
         digest = hashlib.sha256(_TOOLCHAIN.encode())
         for part in _parts(function):
@@ -87,10 +88,11 @@ def kernel(*signatures: str, **records: np.dtype) -> Callable[[_Function], _Func
         if CACHE is not None:
             folder = CACHE / _digests[function]
             folder.mkdir(exist_ok=True)
-            os.utime(folder)  # in use: control.compile_all removes what is not
-            numba.config.CACHE_DIR = str(folder)
+            os.utime(folder)  # in use: server.compile_all removes what is not
+            config.CACHE_DIR = str(folder)
         types = [eval(signature, {}, names) for signature in signatures]
-        return numba.njit(types, cache=CACHE is not None, error_model="numpy")(function)
+        compiled: Any = numba.njit(types, cache=CACHE is not None, error_model="numpy")(function)
+        return compiled
 
     return decorate
 
@@ -120,7 +122,7 @@ def _codes(code: CodeType) -> Iterator[CodeType]:
 
 def _constant(value: object, where: str) -> bytes:
     """What a captured object contributes."""
-    callee = getattr(value, "py_func", None)
+    callee: Any = getattr(value, "py_func", None)
     if callee in _digests:
         return _digests[callee].encode()
     if isinstance(value, ModuleType):

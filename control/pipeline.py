@@ -2,11 +2,16 @@
 
 sensors -> base state -> model terms -> momentum observers -> wrench projections -> command filter and guidance ->
 controller -> safety gate. Physics, observers and the selected projection run at 500 Hz; the controller and the
-projections that are only shown run at 50 Hz, spread over the ticks between.
+projections that are only shown run at 50 Hz, spread over the ticks between (control.timing.TIMETABLE).
+
+A controller or an estimator that raises stops nothing else: its last good result grows old, the safety gate acts on that, and
+the fault names it.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import reduce
+from operator import or_
 from pathlib import Path
 from types import MappingProxyType
 
@@ -17,13 +22,15 @@ from control.command.guidance import Guidance, GuidanceConfig
 from control.command.limits import DEFAULT_COMMAND, CommandLimits, HandState, clip_command
 from control.command.tip_over import feasible_force_scale
 from control.estimation.base_state import BaseStateConfig, BaseStateEstimator
-from control.estimation.force_estimator import EstimatorInput, ForceEstimator
+from control.estimation.force_estimator import EstimatorInput, ForceEstimator, require_sound
 from control.estimation.registry import EstimatorsConfig, make_estimators
+from control.failures import FailureError, Failures
+from control.faults import Fault
 from control.frames import rotation_heading_to_world
 from control.paths import WEIGHTS_DIRECTORY
 from control.policy.policy_controller import make_policies
 from control.robot_model import RobotModel
-from control.safety import Fault, SafetyConfig, SafetyGate, SafetyStatus
+from control.safety import SafetyConfig, SafetyGate, SafetyStatus
 from control.timing import CONTROL_PERIOD_S, SLOT_COUNT, Job, due, shown_slots
 from control.types import BaseState, Command, ForceEstimate, JointCommand, SensorFrame
 from control.whole_body.controller import Controller, ControllerInput
@@ -49,7 +56,17 @@ class PipelineConfig:
 
 @dataclass(frozen=True, slots=True)
 class PipelineOutput:
-    """One tick's result. `estimates` holds the newest estimate of every estimator that has run, by name."""
+    """One tick's result.
+
+    Attributes:
+        joint_command: to the drives.
+        applied_command: after guidance, limits, tip-over limit and filter.
+        base: estimated state of the base.
+        hand: pose, and the force that the selected estimator gives; zero before its first estimate.
+        estimates: newest estimate by estimator, of those that have given one.
+        safety: what the gate did and why.
+        failures: which controller or estimators raised what, by CONTROLLER_ERROR and ESTIMATOR_ERROR; empty when all is well.
+    """
 
     joint_command: JointCommand
     applied_command: Command
@@ -57,6 +74,16 @@ class PipelineOutput:
     hand: HandState
     estimates: dict[str, ForceEstimate]
     safety: SafetyStatus
+    failures: dict[Fault, str]
+
+    def raise_failures(self) -> None:
+        """For trials and recordings, in which a contained failure must not pass for a result.
+
+        Raises:
+            FailureError: a controller or an estimator failed.
+        """
+        if self.failures:
+            raise FailureError("; ".join(self.failures.values()))
 
 
 class UnknownNameError(ValueError):
@@ -79,6 +106,7 @@ class Pipeline:
         self._filter = CommandFilter(config.limits)
         self._guidance = Guidance(config.guidance)
         self._safety = SafetyGate(config.safety, self.model)
+        self._failures = Failures()
         self.controller_name = ""
         self.estimator_name = ""
         self.select_controller(config.controller)
@@ -111,11 +139,12 @@ class Pipeline:
         self._estimates: dict[str, ForceEstimate] = {}
         self._applied = DEFAULT_COMMAND
         self._limited = Fault.NONE
-        self._targets: np.ndarray | None = None
+        self._starting = True
+        self._controller_reset_due = True
+        self._failures.clear()
         self._base_state.reset()
         for estimator in self._estimators.values():
             estimator.reset()
-        self._controllers[self.controller_name].reset()
         self._filter.reset()
         self._guidance.reset()
         self._safety.reset()
@@ -132,8 +161,9 @@ class Pipeline:
         """
         if name not in self._controllers:
             raise UnknownNameError("controller", name, self.controller_names)
+        self._failures.forgive(Fault.CONTROLLER_ERROR, self.controller_name)
         self.controller_name = name
-        self._controllers[name].reset()
+        self._controller_reset_due = True
         self._safety.hand_over()
 
     def select_estimator(self, name: str, gains: tuple[float, float] | None = None) -> None:
@@ -148,6 +178,7 @@ class Pipeline:
         if gains is not None:
             self._estimators[name].set_gains(*gains)
         self.estimator_name = name
+        self._failures.forgive(Fault.ESTIMATOR_ERROR, name)
         self._shown_slots = shown_slots(self.estimator_names, name)
 
     @property
@@ -162,9 +193,9 @@ class Pipeline:
     def clear_estop(self) -> None:
         """Clear the latched e-stop and any latched fault; the robot stands up from where it is."""
         self._safety.clear()
-        self._targets = None
+        self._starting = True
         self._filter.reset()
-        self._controllers[self.controller_name].reset()
+        self._controller_reset_due = True
 
     def step(self, sensor: SensorFrame, command: Command, command_age_s: float = 0.0) -> PipelineOutput:
         """Advance one 2 ms tick.
@@ -186,25 +217,28 @@ class Pipeline:
             sensor.joint_velocity,
         )
         self._estimate(EstimatorInput(self._tick, self.model, sensor, base, self._applied.mask))
-        selected = self._estimates[self.estimator_name]
+        estimate = self._estimates.get(self.estimator_name)
         heading = rotation_heading_to_world(base.rotation_base_to_world)
-        hand = self._hand(base.height_m, heading, selected)
-        starting = self._targets is None
-        if due(Job.REFERENCES, self._tick) or starting:
-            self._refer(self._safety.check_command(command, command_age_s), heading, hand)
-        if due(Job.CONTROLLER, self._tick) or starting:
-            inputs = ControllerInput(sensor, base, self.model, self._applied, hand.force_estimated_n)
-            self._targets = self._controllers[self.controller_name].step(inputs)
-        reported = (Fault.ESTIMATOR_STALE if selected.stale else Fault.NONE) | self._limited
-        joint_command, safety = self._safety.step(self._targets, sensor, base, reported)
+        hand = self._hand(base.height_m, heading, np.zeros(3) if estimate is None else estimate.force_estimated_n)
+        if estimate is not None:  # no controller acts on a force that nobody has estimated
+            if due(Job.REFERENCES, self._tick) or self._starting:
+                self._refer(self._safety.check_command(command, command_age_s), heading, hand)
+            if due(Job.CONTROLLER, self._tick) or self._starting:
+                self._control(ControllerInput(sensor, base, self.model, self._applied, hand.force_estimated_n))
+            self._starting = False
+        failures = self._failures.at(self._tick)
+        reported = reduce(or_, failures, self._limited)
+        if estimate is None or estimate.stale:
+            reported |= Fault.ESTIMATOR_STALE
+        joint_command, safety = self._safety.step(sensor, base, reported)
         self._tick += 1
-        return PipelineOutput(joint_command, self._applied, base, hand, self._estimates, safety)
+        return PipelineOutput(joint_command, self._applied, base, hand, self._estimates, safety, failures)
 
     def _refer(self, command: Command, heading: np.ndarray, hand: HandState) -> None:
         if not self._safety.in_control:
             # References start from wherever the robot is when the controller gets hold of it.
             self._filter.reset()
-            self._controllers[self.controller_name].reset()
+            self._controller_reset_due = True
         limits = self.config.limits
         command = clip_command(self._guidance.step(command, hand, CONTROL_PERIOD_S), limits)
         share = feasible_force_scale(command.mask * command.force_n, self.model, heading, limits.tip_over_margin_m)
@@ -212,14 +246,31 @@ class Pipeline:
         self._limited = Fault.TIP_OVER_LIMIT if share < 1.0 and self._safety.in_control else Fault.NONE
         self._applied = self._filter.step(replace(command, force_n=share * command.force_n), hand, CONTROL_PERIOD_S)
 
+    def _control(self, inputs: ControllerInput) -> None:
+        """New targets. Where the controller raises, the last ones grow old, which the safety gate answers."""
+        controller = self._controllers[self.controller_name]
+        try:
+            if self._controller_reset_due:
+                controller.reset()
+                self._controller_reset_due = False
+            self._safety.accept(controller.step(inputs), inputs.sensor.time_s)
+        except Exception as error:
+            self._failures.note(Fault.CONTROLLER_ERROR, self.controller_name, error, self._tick)
+
     def _estimate(self, inputs: EstimatorInput) -> None:
+        """New estimates of those whose turn it is. Where an estimator raises, its last good estimate is marked stale."""
         slot = inputs.tick % SLOT_COUNT
         for name, estimator in self._estimators.items():
-            estimator.observe(inputs)
-            if name == self.estimator_name or slot == self._shown_slots[name]:
-                self._estimates[name] = estimator.estimate()
+            try:
+                estimator.observe(inputs)
+                if name == self.estimator_name or slot == self._shown_slots[name]:
+                    self._estimates[name] = require_sound(estimator.estimate())
+            except Exception as error:
+                self._failures.note(Fault.ESTIMATOR_ERROR, name, error, self._tick)
+                if name in self._estimates:
+                    self._estimates[name] = replace(self._estimates[name], stale=True)
 
-    def _hand(self, base_height_m: float, heading: np.ndarray, estimate: ForceEstimate) -> HandState:
+    def _hand(self, base_height_m: float, heading: np.ndarray, force_estimated_n: np.ndarray) -> HandState:
         position = self.model.end_effector_position @ heading
         position[2] += base_height_m
-        return HandState(position, heading.T @ self.model.end_effector_rotation, estimate.force_estimated_n)
+        return HandState(position, heading.T @ self.model.end_effector_rotation, force_estimated_n)

@@ -28,7 +28,7 @@ from control.wheel_geometry import lowest_point_from_center
 IMU_FRAME = "imu"
 GRAVITY_MPS2 = 9.81
 WRENCH_SIZE = 3 * len(LEGS) + 6
-"""Length of the stacked wrench x = [lambda_c (12), f_e (3), m_e (3)] of eq. (10)."""
+"""Length of the stacked wrench x = [lambda_c (12), f_e (3), m_e (3)] of eq. (9)."""
 
 
 class RobotModelError(ValueError):
@@ -47,8 +47,8 @@ class RobotModel:
         coriolis_matrix: (28, 28) C with Mdot = C + C^T.
         gravity: (28,) g.
         velocity: (28,) v.
-        momentum: (28,) p = M v, eq. (5).
-        momentum_drift: (28,) C^T v - g, which equals Mdot v - h of eq. (7).
+        momentum: (28,) p = M v, eq. (3).
+        momentum_drift: (28,) C^T v - g, which equals Mdot v - h of eq. (5).
         total_mass: kg, nominal.
         arm_mass: kg, nominal, of everything that the first arm joint carries.
         position_lower, position_upper: (22,) rad, infinite for wheels.
@@ -114,7 +114,7 @@ class RobotModel:
         angular_velocity_in_base: np.ndarray,
         joint_velocity: np.ndarray,
     ) -> None:
-        """Compute the terms of the momentum dynamics, eqs. (5)-(7).
+        """Compute the terms of the momentum dynamics, eqs. (3)-(5).
 
         Args:
             rotation_base_to_world: (3, 3).
@@ -174,7 +174,7 @@ class RobotModel:
 
     @property
     def wrench_jacobian(self) -> np.ndarray:
-        """(18, 28) B^T of eq. (10): wheel contact points (12 rows), end-effector linear (3) and angular (3), world-aligned."""
+        """(18, 28) B^T of eq. (9): wheel contact points (12 rows), end-effector linear (3) and angular (3), world-aligned."""
         self._refresh_geometry()
         return self._wrench_jacobian
 
@@ -290,7 +290,7 @@ def momentum_terms(
     gravity: np.ndarray,
     momentum_drift: np.ndarray,
 ) -> None:
-    """Terms of eqs. (5)-(7): p = M v, g, and C^T v - g, which equals Mdot v - h.
+    """Terms of eqs. (3)-(5): p = M v, g, and C^T v - g, which equals Mdot v - h.
 
     Uniform gravity acts as an upward acceleration of the base: g = M[:, :3] R^T (0, 0, 9.81).
 
@@ -323,7 +323,7 @@ def contact_geometry(
     points: np.ndarray,
     jacobian: np.ndarray,
 ) -> None:
-    """Where wrenches act and B^T of eq. (10): the contact points of the wheels, then the end effector.
+    """Where wrenches act and B^T of eq. (9): the contact points of the wheels, then the end effector.
 
     Args:
         joint_jacobian: (6, 28) of every joint's own frame at the world's origin, linear then angular.

@@ -7,10 +7,10 @@ the prediction is within them.
 
 import math
 from dataclasses import dataclass, replace
-from enum import IntFlag
 
 import numpy as np
 
+from control.faults import Fault
 from control.joints import (
     ARM_SLICE,
     DAMPING,
@@ -26,21 +26,6 @@ from control.timing import TICK_S
 from control.types import BaseState, Command, JointCommand, SensorFrame
 
 
-class Fault(IntFlag):
-    """Reasons why the safety gate damps or limits; bits of `faults`."""
-
-    NONE = 0
-    TILT = 1
-    NOT_FINITE = 2
-    STALE_SETPOINT = 4
-    STALE_TARGETS = 8
-    JOINT_LIMIT = 16
-    TORQUE_LIMIT = 32
-    ESTIMATOR_STALE = 64
-    CONTROLLER_ERROR = 128
-    TIP_OVER_LIMIT = 256
-
-
 @dataclass(frozen=True, slots=True)
 class SafetyConfig:
     """Thresholds. Torque limits are control.joints.TORQUE_LIMIT, position limits the model's.
@@ -51,8 +36,8 @@ class SafetyConfig:
         setpoint_timeout_s: age of the operator's last sign of life at which the base velocity becomes zero.
         hold_timeout_s, damp_timeout_s: age of the controller's targets (period 20 ms) that is reported while they are
             held, and at which the drives damp instead.
-        position_margin_rad: distance from a joint's end over which the torque towards the end fades to zero.
-        overtravel_rad: beyond an end by this much, an encoder must be wrong: damp.
+        position_margin_rad: distance from a joint limit over which the torque towards the limit fades to zero.
+        overtravel_rad: beyond a limit by this much, an encoder must be wrong: damp.
         leg_velocity_rps, wheel_velocity_rps, arm_velocity_rps: a joint faster than this may only be braked.
         leg_slew_rps, wheel_slew_rps2, arm_slew_rps: fastest change of a target.
         leg_damping, wheel_damping, arm_damping: N m s/rad while damping, stiffness zero.
@@ -98,7 +83,7 @@ class TargetsError(ValueError):
 
 
 class SafetyGate:
-    """Turns targets into a JointCommand at 500 Hz. Latches e-stop and tilt.
+    """Turns a controller's targets into a JointCommand at 500 Hz. Latches e-stop and tilt.
 
     Attributes:
         in_control: the controller's targets act; false while damping or blending them in from the measured posture.
@@ -143,6 +128,7 @@ class SafetyGate:
         self._setpoint_stale = False
         self._targets: np.ndarray | None = None
         self._targets_time_s = -math.inf
+        self._refused = Fault.NONE
         self._applied: np.ndarray | None = None
         self.in_control = False
         self._handover_due = False
@@ -155,24 +141,39 @@ class SafetyGate:
         self._setpoint_stale = not age_s <= self.config.setpoint_timeout_s
         return replace(command, base_velocity=np.zeros(3)) if self._setpoint_stale else command
 
-    def step(
-        self, targets: np.ndarray | None, sensor: SensorFrame, base: BaseState, reported: Fault = Fault.NONE
-    ) -> tuple[JointCommand, SafetyStatus]:
-        """The command for one 2 ms tick.
+    def accept(self, targets: np.ndarray, time_s: float) -> None:
+        """Take over (a copy of) what the controller has just delivered.
+
+        Targets that are not finite are refused: the last good ones act and grow old, and NOT_FINITE is reported until sound
+        ones arrive.
 
         Args:
-            targets: (22,) newest joint targets, a new array whenever the controller ran (its age is measured by that),
-                or None before the first.
+            targets: (22,) joint targets.
+            time_s: of the sensor frame that they answer; the age of the targets counts from it.
+
+        Raises:
+            TargetsError: targets of another shape or type. The last good ones grow old.
+        """
+        if not isinstance(targets, np.ndarray) or targets.shape != (JOINT_COUNT,) or targets.dtype.kind not in "fiu":
+            given = f"{type(targets).__name__} of shape {np.shape(targets)}"
+            raise TargetsError(f"targets must be a numpy array of {JOINT_COUNT} numbers, shape ({JOINT_COUNT},), not {given}")
+        if not math.isfinite(targets.dot(targets)):
+            self._refused = Fault.NOT_FINITE
+            return
+        self._refused = Fault.NONE
+        self._targets = targets.astype(float)
+        self._targets_time_s = time_s
+
+    def step(self, sensor: SensorFrame, base: BaseState, reported: Fault = Fault.NONE) -> tuple[JointCommand, SafetyStatus]:
+        """The command for one 2 ms tick, from the targets accepted last.
+
+        Args:
             sensor: newest sensor frame.
             base: estimated base state, for tilt.
             reported: faults found elsewhere, passed on.
-
-        Raises:
-            TargetsError: targets of another shape or type.
         """
         config = self.config
-        faults = reported | (Fault.STALE_SETPOINT if self._setpoint_stale else Fault.NONE)
-        faults |= self._accept(targets, sensor.time_s)
+        faults = reported | self._refused | (Fault.STALE_SETPOINT if self._setpoint_stale else Fault.NONE)
         q, dq = sensor.joint_position, sensor.joint_velocity
 
         damp = self._estop
@@ -202,18 +203,6 @@ class SafetyGate:
         bounds = self._torque_bounds(q, dq, bool(near_end))
         command, limited = self._limit(self._targets, bounds, sensor)
         return command, SafetyStatus(faults | limited, False, False)
-
-    def _accept(self, targets: np.ndarray | None, time_s: float) -> Fault:
-        """Take over new targets that are sound; unsound ones are refused and the last good ones grow old."""
-        if targets is None or targets is self._targets:
-            return Fault.NONE
-        if not isinstance(targets, np.ndarray) or targets.shape != (JOINT_COUNT,):
-            raise TargetsError(f"targets must be a numpy array of shape ({JOINT_COUNT},), not {np.shape(targets)}")
-        if not math.isfinite(targets.dot(targets)):
-            return Fault.NOT_FINITE
-        self._targets = targets
-        self._targets_time_s = time_s
-        return Fault.NONE
 
     def _torque_bounds(self, q: np.ndarray, dq: np.ndarray, near_end: bool) -> tuple[np.ndarray, np.ndarray]:
         """Lowest and highest torque (22,) that each joint may be given where it is."""

@@ -57,12 +57,16 @@ CHEAP_JOBS = frozenset({Job.SNAPSHOT, Job.LIVE_ERRORS})
 
 
 class TimetableError(ValueError):
-    """There are more estimators than slots to show them in."""
+    """There are more estimators than MOST_ESTIMATORS."""
 
 
 def slots(job: Job) -> tuple[int, ...]:
     """Slots in which a job runs, ascending."""
     return tuple(slot for slot, jobs in enumerate(TIMETABLE) if job in jobs)
+
+
+MOST_ESTIMATORS = len(slots(Job.SHOWN_ESTIMATE)) + 1
+"""One feeds the controller at every tick, the others are shown."""
 
 
 def shown_slots(names: Sequence[str], selected: str) -> dict[str, int]:
@@ -75,8 +79,8 @@ def shown_slots(names: Sequence[str], selected: str) -> dict[str, int]:
         TimetableError: two estimators would share a slot.
     """
     own = slots(Job.SHOWN_ESTIMATE)
-    if len(names) > len(own) + 1:
-        raise TimetableError(f"there are slots for {len(own) + 1} estimators, not for {', '.join(names)}; leave some out")
+    if len(names) > MOST_ESTIMATORS:
+        raise TimetableError(f"there are slots for {MOST_ESTIMATORS} estimators, not for {', '.join(names)}; leave some out")
     shown = dict(zip(names, own, strict=False))
     freed = shown.pop(selected, None)
     if len(names) > len(own) and freed is not None:

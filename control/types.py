@@ -35,7 +35,7 @@ class SensorFrame:
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """The paper's full command (c_b and c_e, Sec. II.F), in the heading frame.
+    """The paper's full command (c_b and c_e, Sec. II.E), in the heading frame.
 
     Attributes:
         mask: (3,) 0 position, 1 force, per axis x, y, z.

@@ -41,6 +41,9 @@ def main() -> None:
         sys.exit(emulate(sys.argv[2:]))
     arguments = parser().parse_args()
     # The spawned control process imports this module too and needs nothing below.
+    from server.compile_all import compile_all
+
+    compile_all(_tell_compiled)
     from control.pipeline import PipelineConfig
     from server.backend_choice import with_options
     from server.config import ConfigError, ServerConfig
@@ -80,6 +83,10 @@ def _token(arguments: argparse.Namespace) -> str | None:
         return token_of_file(arguments.token_file)
     # An empty variable is one that is not set; an empty argument is a mistake that would leave the door open.
     return arguments.token if arguments.token is not None else os.environ.get("FORCELENS_TOKEN") or None
+
+
+def _tell_compiled(done: int, count: int, _module: str) -> None:
+    _say(sys.stderr, f"Compiling the control laws, once: {done} of {count}")
 
 
 def _say(stream: TextIO, text: str) -> None:

@@ -67,6 +67,8 @@ def with_options(config: HardwareConfig, options: Mapping[str, Any]) -> Hardware
             dry_run=options.get("dry_run", config.dry_run),
         )
     except RobotNetworkError as error:
-        raise InvalidFieldError("options.allow_robot", f"is not given: {error}", "true, if a real robot is meant") from None
+        raise InvalidFieldError(
+            "options.allow_robot", f"is not given: {error}", "true, if a real robot is meant and --allow-robot permits it"
+        ) from None
     except ValueError as error:
         raise InvalidFieldError("options", f"are refused: {error}", "see the message") from None

@@ -161,7 +161,8 @@ class ControlLoop:
         record["sequence"] = self._sequence
         record["wall_time_s"] = time.time()
         record["published_s"] = time.monotonic()
-        if self._failure is not None:
+        record["failure"] = (self._failure or "").encode()
+        if self._failure is not None and record["mode"] != Mode.ESTOP:
             record["mode"] = Mode.FAULT
         elif not self._run.running and record["mode"] == Mode.RUNNING:
             record["mode"] = Mode.PAUSED

@@ -54,7 +54,7 @@ def control_process(
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     logging.basicConfig(level=logging.INFO, format="control process: %(levelname)s: %(message)s")
     try:
-        session = launch.make_session(launch.session)
+        session = _make_session(launch, pipe)
         if launch.estopped:
             session.estop()
         pipe.send(Ready(describe(session)))
@@ -72,9 +72,15 @@ def control_process(
         gc.freeze()
         loop.run()
         session.backend.close()
-    except (ValueError, BackendError) as error:
-        pipe.send(Fatal(str(error)))  # the message says what to do; a traceback would hide it
-        sys.exit(1)
     except Exception as error:
         pipe.send(Fatal(f"{type(error).__name__}: {error}"))
         raise
+
+
+def _make_session(launch: ControlLaunch, pipe: Connection) -> Session[Backend]:
+    """The session. What it is refused for, such as a name or the weights, ends the process."""
+    try:
+        return launch.make_session(launch.session)
+    except (ValueError, BackendError) as error:
+        pipe.send(Fatal(str(error)))  # the message says what to do; a traceback would hide it
+        sys.exit(1)

@@ -164,12 +164,14 @@ class Operator:
 
         Raises:
             InvalidFieldError: an option that is not allowed.
-            RefusedError: hardware is not available or does not answer (then the simulation runs), the robot is not at
-                rest in damping, or another change is under way.
+            RefusedError: a real robot is meant that the command line did not permit, hardware is not available or does not
+                answer (then the simulation runs), the robot is not at rest in damping, or another change is under way.
         """
         request = validated(BackendRequest, {"name": name, "options": options})
         choice = BackendChoice()
         if name == "hardware":
+            if request["options"].get("allow_robot") and not self._hardware.base.allow_robot:
+                raise RefusedError("a real robot is not permitted; whoever starts the console permits it with --allow-robot")
             choice = BackendChoice(with_options(self._hardware, request["options"]))
             reason = unavailable_because()
             if reason is not None:

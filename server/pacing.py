@@ -18,10 +18,6 @@ LATENESS_WINDOW = 2500
 """Ticks whose lateness and duration are kept: 5 s at 500 Hz."""
 
 RATE_WINDOW_S = 1.0
-LOOP_OVERRUNS = "LOOP_OVERRUNS"
-"""Name of the fault that a loop which does not keep its rate is shown with."""
-OVERRUN_SHARE_LIMIT = 0.05
-"""More missed deadlines than this, and the loop does not keep its rate."""
 STATISTICS_EVERY = 250
 YIELD_AFTER_S = 0.05
 YIELD_S = 5e-4

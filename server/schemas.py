@@ -84,7 +84,9 @@ class BackendOptions(RequestModel):
     """Which robot, and how. What is left out is as on the command line of the console."""
 
     dry_run: bool = Field(default_factory=bool, description="compute everything and send nothing; true unless said otherwise")
-    allow_robot: bool = Field(default_factory=bool, description="consent to domain 0, another interface than lo, a remote arm")
+    allow_robot: bool = Field(
+        default_factory=bool, description="consent to domain 0, other interfaces than lo, a remote arm; see --allow-robot"
+    )
     domain: Annotated[int, Number((0, 230))] = Field(default_factory=int, description="DDS domain of the base")
     interface: Name = Field(default_factory=str, description="network interface that leads to the base")
     arm_host: Name = Field(default_factory=str, description="address of the arm's z1_ctrl")

@@ -11,13 +11,12 @@ import msgspec
 import numpy as np
 
 from control.joints import JOINT_NAMES, LEGS
-from control.safety import Fault
 from control.types import Command
 from server.answers.command import CommandAnswer, CommandFields
 from server.answers.state import Base, Contact, Drive, EndEffector, Joints, Loop
-from server.pacing import LOOP_OVERRUNS, OVERRUN_SHARE_LIMIT
-from server.silence import NO_SILENCE, Silence
-from sim.backends.hardware.states import DriveState, Trip, describe
+from server.silence import NO_SILENCE, SILENCE_WORDS, Silence
+from sim.backends.hardware.states import DriveState
+from sim.runtime.fault_words import drive_fault_words, fault_words, message
 from sim.runtime.snapshot import Mode, on_hardware
 
 
@@ -30,10 +29,14 @@ def _number(value: Any) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
+def failure(record: np.void) -> str | None:
+    """Why the backend steps no more, with the cure; None while it does."""
+    return record["failure"].decode(errors="replace") or None
+
+
 def faults(record: np.void) -> list[str]:
-    """Names of what is wrong: what the safety gate reports, and whether the loop keeps its rate."""
-    names = [fault.name for fault in Fault(int(record["faults"])) if fault.name is not None]
-    return names if record["overrun_share"] < OVERRUN_SHARE_LIMIT else [*names, LOOP_OVERRUNS]
+    """Names of what is wrong: with the backend, as the safety gate reports, and with the loop's rate."""
+    return list(fault_words(record))
 
 
 def command_fields(record: np.void) -> CommandFields:
@@ -110,10 +113,9 @@ def _drive(record: np.void) -> Drive | None:
     """State of a robot's drives; None in simulation."""
     if not on_hardware(record):
         return None
-    faults = describe(Trip(int(record["drive_faults"])))
     return {
         "state": DriveState(int(record["drive_state"])).name.lower(),
-        "faults": faults,
+        "faults": drive_fault_words(record),
         "dry_run": bool(record["dry_run"]),
     }
 
@@ -146,6 +148,9 @@ SECTIONS: dict[str, Callable[[np.void], Any]] = {
     "stale_s": lambda _: 0.0,
     "mode": lambda record: Mode(int(record["mode"])).name.lower(),
     "faults": faults,
+    "fault_words": fault_words,
+    "message": message,
+    "failure": failure,
     "backend": lambda record: record["backend"].decode(),
     "drive": _drive,
     "scene": lambda record: record["scene"].decode(),
@@ -176,6 +181,10 @@ def state_json(record: np.void, fields: Iterable[str] = SECTIONS, *, silence: Si
             state["mode"] = Mode.FAULT.name.lower()
         if "faults" in state:
             state["faults"] = [*state["faults"], silence.fault]
+        if "fault_words" in state:
+            state["fault_words"] |= {silence.fault: SILENCE_WORDS[silence.fault]}
+        if "message" in state:
+            state["message"] = SILENCE_WORDS[silence.fault]
         if "loop" in state:
             state["loop"] |= {"rate_hz": 0.0, "real_time_factor": 0.0}
     return state

@@ -17,7 +17,7 @@ from control.paths import WEIGHTS_DIRECTORY
 from control.policy.observation import EXTENDED_FORM, PAPER_FORM, RESIDUAL_FORM
 from control.policy.policy_weights import PolicyManifest
 from sim.processes.executors import EXECUTOR_NAMES, map_unordered
-from sim.training import fit_surrogate as fit_estimator_surrogate
+from sim.training import fit_surrogate
 from sim.training.policy_training import PolicyTraining, PolicyTrainingConfig
 from sim.training.surrogate import SURROGATE_FILE
 
@@ -57,7 +57,7 @@ def main(arguments: list[str] | None = None) -> None:
         parser.error("--from-scratch needs --form extended or paper: a residual policy starts from the model-based controller")
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s", datefmt="%H:%M:%S")
     if not SURROGATE_FILE.is_file():
-        fit_estimator_surrogate.main([])
+        fit_surrogate.main([])
     words = sys.argv[1:] if arguments is None else arguments
     command = shlex.join(["python", "-m", "sim.train_policy", *words])
     name = "policy_paper" if options.form == PAPER_FORM else "policy"

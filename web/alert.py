@@ -5,38 +5,20 @@ import html
 import numpy as np
 import viser
 
-from control.safety import Fault
-from sim.backends.hardware.states import Trip, describe
-from sim.runtime.snapshot import Mode, on_hardware
+from sim.runtime.fault_words import NO_SNAPSHOT_WORDS, message
+from sim.runtime.snapshot import Mode
 from web import theme
 
-_FAULT_WORDS = {
-    Fault.TILT: "the base tilts too far",
-    Fault.NOT_FINITE: "a value is not finite",
-    Fault.STALE_SETPOINT: "no fresh command arrives",
-    Fault.STALE_TARGETS: "the controller delivers no targets",
-    Fault.JOINT_LIMIT: "a joint is at its limit",
-    Fault.TORQUE_LIMIT: "a joint is at its torque limit",
-    Fault.ESTIMATOR_STALE: "the force estimate is stale",
-    Fault.CONTROLLER_ERROR: "the controller failed",
-    Fault.TIP_OVER_LIMIT: "the commanded force is reduced, or the robot would tip over",
-}
 _BOX = "margin:0.5em 0.75em;padding:0.5em 0.75em;border-radius:4px;font-size:0.875em;color:#fff;background:{}"
 
 
 def alert_text(snapshot: np.void | None) -> tuple[str, str] | None:
     """Message and background of the alert for a SNAPSHOT record (None: the control process is dead or hangs), or None."""
     if snapshot is None:
-        return "The control process has stopped, or hangs. Restart it in the bar at the top.", theme.ALERT
-    mode = Mode(snapshot["mode"])
-    if mode is Mode.ESTOP:
-        return "E-stop is latched: the drives only damp. Clear it in the bar at the top.", theme.ALERT
-    faults = ", ".join(words for fault, words in _FAULT_WORDS.items() if snapshot["faults"] & fault)
-    if on_hardware(snapshot):
-        faults = ", ".join(describe(Trip(int(snapshot["drive_faults"]))))
-    if mode is Mode.FAULT:
-        return f"Fault, the drives only damp: {faults or 'unknown'}.", theme.CAUTION
-    return None
+        return NO_SNAPSHOT_WORDS, theme.ALERT
+    words = message(snapshot)
+    alarming = snapshot["mode"] == Mode.ESTOP or bool(snapshot["failure"])
+    return None if words is None else (words, theme.ALERT if alarming else theme.CAUTION)
 
 
 class Alert:

@@ -50,8 +50,8 @@ def estimators_html(snapshot: np.void) -> str:
         )
     sigma, scale = snapshot["force_sigma_n"], snapshot["mass_scale_estimated"]
     own = [
-        ("Standard deviation it states", f"{np.linalg.norm(sigma):.2f} N" if np.isfinite(sigma).all() else "not stated"),
-        ("Mass it estimates", f"{scale:.2f} of nominal" if np.isfinite(scale) else "none"),
+        ("Reported std. dev.", f"{np.linalg.norm(sigma):.2f} N" if np.isfinite(sigma).all() else "none"),
+        ("Estimated mass", f"{scale:.2f} of nominal" if np.isfinite(scale) else "none"),
     ]
     rows += [f'<tr><td>{what}</td><td align="right">{value}</td></tr>' for what, value in own]
     table = f'<table style="width:100%">{"".join(rows)}</table>'

@@ -47,8 +47,8 @@ def _rows(title: str, values: np.ndarray, groups: dict[str, slice], color: theme
 def policy_html(snapshot: np.void) -> str:
     """Observation and action of a SNAPSHOT record in which a policy is selected."""
     rows = _rows(
-        "Observes", snapshot["policy_observation"], observation_groups(snapshot["policy_form"].decode()), theme.ESTIMATED
-    ) + _rows("Does", snapshot["policy_action"], _ACTION, theme.COMMANDED)
+        "Observation", snapshot["policy_observation"], observation_groups(snapshot["policy_form"].decode()), theme.ESTIMATED
+    ) + _rows("Action", snapshot["policy_action"], _ACTION, theme.COMMANDED)
     return (
         f'<div style="{theme.SMALL_TEXT}" data-forcelens="policy">Scaled as the network sees them; bars span '
         f'&plusmn;{SPAN:.0f}, numbers are the largest.<table style="width:100%">{rows}</table></div>'

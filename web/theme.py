@@ -24,7 +24,6 @@ ESTIMATORS: tuple[RGB, ...] = (
     (120, 130, 255),
     (150, 220, 110),
     (160, 130, 100),
-    (150, 160, 180),
 )
 """One per estimator, in the order of the snapshot."""
 

@@ -205,10 +205,10 @@ class ViserDoor:
         return await action
 
     async def _admit(self, connection: Connection) -> None:
+        self._connections.add(connection)
         self._remember(asyncio.create_task(self._answer(connection)))
 
     async def _answer(self, connection: Connection) -> None:
-        self._connections.add(connection)
         try:
             await self._handler(connection)
         except Exception:

@@ -9,6 +9,7 @@ stretches out.
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -85,12 +86,12 @@ def centring_force(config: np.record, displacement_m: np.ndarray, out: np.ndarra
 
 @kernel("void(Guidance, vector, vector, f8, State, Command)", Guidance=GUIDANCE, State=GUIDANCE_STATE, Command=COMMAND)
 def _follow(
-    config: np.record,
+    config: Any,
     hand_position: np.ndarray,
     force_estimated_n: np.ndarray,
     dt_s: float,
-    state: np.record,
-    command: np.record,
+    state: Any,
+    command: Any,
 ) -> None:
     """Let one command follow the hand: the force is low-passed, the spring's rest position glides to the comfortable place."""
     newest = min(1.0, dt_s / config.smoothing_s)

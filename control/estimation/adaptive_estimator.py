@@ -3,7 +3,7 @@
 The observer is ten times faster than the paper's and loses no force to lag while the force changes steadily. What is then left
 is model error: `ModelAdaptation` finds which multiples beta of the inertial and gravity forces N of arm and rest, and which
 multiples phi of the nominal joint frictions F, are missing; the corrected residual r + N beta + F phi is projected by the
-unconstrained minimum of eq. (11).
+unconstrained minimum of eq. (10).
 """
 
 import math
@@ -43,7 +43,7 @@ from control.types import ForceEstimate
 class AdaptiveConfig:
     """Attributes:
     gains: of the observer.
-    weights: of eq. (11). Costs on forces are far smaller than the paper-like ones, because a cost on wheel forces that
+    weights: of eq. (10). Costs on forces are far smaller than the paper-like ones, because a cost on wheel forces that
         carry the robot's weight looks like a lighter robot.
     adaptation: of masses and frictions.
     friction: mu of the cone that the reported wheel forces are moved into; the end-effector force does not depend on it.

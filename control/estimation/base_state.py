@@ -74,7 +74,7 @@ def complementary_filter(
         rotation_base_to_world: (3, 3).
         rates: (3,) rad/s, in base.
         acceleration: (3,) m/s^2, specific force at the IMU, in base axes.
-        jacobian: (18, 28) B^T of eq. (10).
+        jacobian: (18, 28) B^T of eq. (9).
         contact_points: (4, 3) m, world-aligned, from the base origin.
         velocity: (28,) v with the rates and joint velocities; its first three entries are not read.
         lever: (3,) m, IMU in base.

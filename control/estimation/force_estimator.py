@@ -1,5 +1,6 @@
 """What every force estimator is: fed at 500 Hz, asked for an estimate whenever one is wanted."""
 
+import math
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -28,6 +29,10 @@ class EstimatorInput:
     mask: np.ndarray = field(default_factory=lambda: np.zeros(3))
 
 
+class UnsoundEstimateError(ValueError):
+    """What an estimator returned is no estimate of a force; the message says what it is."""
+
+
 class ForceEstimator(Protocol):
     """Estimates the force of the environment on the end effector from proprioception."""
 
@@ -51,3 +56,15 @@ class ForceEstimator(Protocol):
         Raises:
             ValueError: a gain is not positive and finite.
         """
+
+
+def require_sound(estimate: ForceEstimate) -> ForceEstimate:
+    """`estimate`, if its force is three finite numbers.
+
+    Raises:
+        UnsoundEstimateError: it is not.
+    """
+    force = estimate.force_estimated_n
+    if force.shape != (3,) or not math.isfinite(force.sum()):
+        raise UnsoundEstimateError(f"force_estimated_n must be three finite numbers, not {force}")
+    return estimate

@@ -1,4 +1,4 @@
-"""The paper's model-based estimators, Sec. III: momentum observer with pseudo-inverse or contact-constrained projection."""
+"""The paper's model-based estimators, Sec. III.B: momentum observer with pseudo-inverse or contact-constrained projection."""
 
 import numpy as np
 
@@ -20,7 +20,7 @@ class GmoPseudoInverse(ProjectingEstimator):
 
 
 class GmoConstrained(ProjectingEstimator):
-    """GMO-CQP: the quadratic program of eq. (11).
+    """GMO-CQP: the quadratic program of eq. (10).
 
     With the same weights and costs the unconstrained minimiser estimates the force as well: what sets GMO-CQP apart from
     GMO-PI is W_q and R. The constraints make the wheel forces physical.

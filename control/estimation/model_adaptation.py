@@ -4,7 +4,7 @@ If the arm's true inertial parameters are (1 + beta_arm) times nominal, the rest
 joint group j (1 + phi_j) times, the residual of the nominal model is r = B x - N beta - F phi. Column j of N (28, 2) is the
 inertial and gravity force M vdot + h of the bodies of mass scale j; column j of F (28, 7) is the nominal friction of group j:
 each arm joint is one, legs and wheels together are the last. At 50 Hz the unknown wrench x is eliminated from the regularised
-least squares of eq. (11), which leaves a 9 x 9 information matrix on theta = [beta, phi]; a Gaussian prior holds what nothing
+least squares of eq. (10), which leaves a 9 x 9 information matrix on theta = [beta, phi]; a Gaussian prior holds what nothing
 is known about, and old information fades.
 
 The prior makes the scales of a kind alike to begin with: most of what is unknown, such as a wrong density or cold grease, is
@@ -33,7 +33,7 @@ class ModelAdaptationConfig:
     common_sd: prior standard deviation of what both beta share.
     difference_sd: prior standard deviation of each beta around it.
     friction_common_sd, friction_difference_sd: the same of phi.
-    residual_sd: standard deviation of one weighted residual row of eq. (11) while the hand is free. The errors are
+    residual_sd: standard deviation of one weighted residual row of eq. (10) while the hand is free. The errors are
         correlated over time, which is why it is far above the sensor noise.
     force_scale_n: force on the hand at which that variance has doubled. Where on the hand a force acts is known to a few
         centimetres only, and the moment that is missing looks like mass.
@@ -104,7 +104,7 @@ class ModelAdaptation:
         """Add one instant; old information fades as fast as new comes in.
 
         Args:
-            problem: eq. (11) at this instant; its right side is not used.
+            problem: eq. (10) at this instant; its right side is not used.
             weighted_residual: (28,) W_q r, of the nominal model.
             weighted_regressor: (28, 9) W_q [N, F].
             force_n: estimated size of the force on the hand.

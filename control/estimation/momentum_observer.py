@@ -1,11 +1,11 @@
-"""Second-order generalized momentum observer, paper eqs. (5)-(9).
+"""Second-order generalized momentum observer, paper eqs. (3)-(8).
 
-The momentum p = M v of eq. (5) obeys pdot = u + xi, eq. (6), with the known input u = S^T tau + Mdot v - h, eq. (7), and the
+The momentum p = M v of eq. (3) obeys pdot = u + xi, eq. (4), with the known input u = S^T tau + Mdot v - h, eq. (5), and the
 disturbance xi, the generalized force of all that the model leaves out. The observer
 
     d/dt p_hat = u + xi_hat + K1 (p - p_hat),   d/dt xi_hat = K2 (p - p_hat)
 
-makes the residual r = xi_hat, eq. (9), follow xi through K2 / (s^2 + K1 s + K2) per row. It lags a ramp by K1 / K2.
+makes the residual r = xi_hat, eq. (8), follow xi through K2 / (s^2 + K1 s + K2) per row. It lags a ramp by K1 / K2.
 
 A third state that estimates the slope of xi, with gain K3, takes that lag away:
 

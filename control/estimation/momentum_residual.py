@@ -1,4 +1,4 @@
-"""The residual r of eq. (9) from each tick's sensors: the momentum observer fed with the model's terms.
+"""The residual r of eq. (8) from each tick's sensors: the momentum observer fed with the model's terms.
 
 The same observer, told no torque and no friction, finds N = M vdot + h, the whole inertial and gravity force of the nominal
 model, with exactly the lag of r; told all but the friction, it finds the nominal friction. Adaptation needs both.
@@ -46,7 +46,7 @@ def momentum_inputs(
     joint_rows: np.ndarray,
     inputs: np.ndarray,
 ) -> None:
-    """Known inputs u = S^T tau + Mdot v - h of eq. (7) over the tick that ends now.
+    """Known inputs u = S^T tau + Mdot v - h of eq. (5) over the tick that ends now.
 
     The torque acted over that tick; the model's terms are those at its start.
 
@@ -106,7 +106,6 @@ class MomentumResidual:
         """Advance by one tick and say so; a tick already taken in is ignored."""
         if self._inputs is not None and inputs.tick == self._inputs.tick:
             return False
-        self._inputs = inputs
         model, sensor = inputs.model, inputs.sensor
         if self._drift is None:
             self._observer.reset()
@@ -118,6 +117,7 @@ class MomentumResidual:
         self._observer.step(model.momentum, self._momentum_inputs)
         if not self._observer.finite:
             self._drift = None
+        self._inputs = inputs
         return True
 
     @property

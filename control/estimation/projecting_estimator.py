@@ -19,7 +19,7 @@ class ProjectingEstimator(ABC):
     """Base of the estimators that project a momentum residual on contact wrenches.
 
     Attributes:
-        unexplained: (28,) eps of eq. (10) at the last estimate, what no wrench explains of the residual that was projected.
+        unexplained: (28,) eps of eq. (9) at the last estimate, what no wrench explains of the residual that was projected.
     """
 
     def __init__(self, residual: MomentumResidual) -> None:
@@ -83,5 +83,5 @@ class ProjectingEstimator(ABC):
 
 
 def estimate_from_wrench(wrench: np.ndarray) -> ForceEstimate:
-    """The forces in a stacked wrench (18,) in heading, eq. (12)."""
+    """The forces in a stacked wrench (18,) in heading, eq. (11)."""
     return ForceEstimate(wrench[FORCE_ROWS].copy(), wrench[SUPPORT_ROWS].reshape(len(LEGS), 3).copy())

@@ -30,7 +30,7 @@ def mean_rolling_velocity(jacobian: np.ndarray, velocity: np.ndarray, base_veloc
     """See `rolling_velocity`.
 
     Args:
-        jacobian: (18, 28) B^T of eq. (10).
+        jacobian: (18, 28) B^T of eq. (9).
         velocity: (28,) v; its first three entries are not read.
         base_velocity: (3,) m/s, the result.
     """

@@ -1,7 +1,7 @@
-"""Wrench projection: which contact forces explain a generalized residual, paper eqs. (10)-(12).
+"""Wrench projection: which contact forces explain a generalized residual, paper eqs. (9)-(11).
 
 The stacked wrench is x = [lambda_c (12), f_e (3), m_e (3)] in the heading frame: ground on wheels FL, FR, RL, RR, then the
-environment on the end effector. The residual model is r = B x + eps with B = [J_c^T, J_e^T], eq. (10).
+environment on the end effector. The residual model is r = B x + eps with B = [J_c^T, J_e^T], eq. (9).
 """
 
 import math
@@ -22,7 +22,7 @@ _RANK_TOLERANCE = 1e-10
 
 @dataclass(frozen=True, slots=True)
 class ProjectionWeights:
-    """W_q and R of eq. (11): how far each generalized row is trusted, and what each wrench part costs.
+    """W_q and R of eq. (10): how far each generalized row is trusted, and what each wrench part costs.
 
     Arm rows dominate because only the end effector loads them; base and leg rows mix it with the wheel forces. The moment
     costs most: the tool touches with a ball, which passes forces but hardly moments.
@@ -83,7 +83,7 @@ def pseudo_inverse_wrench(jacobian: np.ndarray, residual: np.ndarray) -> np.ndar
 
 @dataclass(frozen=True, slots=True)
 class WrenchProblem:
-    """One instance of eq. (11) as a quadratic form: minimise 1/2 x^T H x - b^T x.
+    """One instance of eq. (10) as a quadratic form: minimise 1/2 x^T H x - b^T x.
 
     Attributes:
         weighted_jacobian: (18, 28) B^T W_q.
@@ -97,7 +97,7 @@ class WrenchProblem:
 
 
 def build_wrench_problem(jacobian: np.ndarray, residual: np.ndarray, rows: np.ndarray, costs: np.ndarray) -> WrenchProblem:
-    """Assemble eq. (11) without its constraints.
+    """Assemble eq. (10) without its constraints.
 
     Args:
         jacobian: (18, 28) B^T.

@@ -1,4 +1,4 @@
-"""Contact-constrained wrench projection, the quadratic program of paper eq. (11), solved by Clarabel.
+"""Contact-constrained wrench projection, the quadratic program of paper eq. (10), solved by Clarabel.
 
     minimise 1/2 |W_q (r - B x)|^2 + 1/2 x^T R x   subject to every wheel force lying in its friction cone
 

@@ -14,7 +14,7 @@ from control.whole_body.task_signals import TASK_SIGNALS
 
 @dataclass(frozen=True, slots=True)
 class ActionScales:
-    """Target = nominal + scale * action, eq. of the action: rad for legs and arm, rad/s for wheels.
+    """Scales of the action law, target = nominal + scale * action (Sec. II.E): rad for legs and arm, rad/s for wheels.
 
     The drives are soft, so a target lies as far from the joint as its torque asks: up to 2 rad on the arm.
 

@@ -1,4 +1,4 @@
-"""What the whole-body policy observes, eq. (rl_observation): one law for the robot and for every robot of a training batch.
+"""What the whole-body policy observes, eq. (17): one law for the robot and for every robot of a training batch.
 
 Forms: "paper", the paper's 89 numbers; "extended", which adds errors, integrals and the estimated motion of the base
 (control.whole_body.task_memory); "residual", which observes the same but corrects the model-based controller

@@ -44,7 +44,8 @@ class ArmConfig:
         contact_share: of the commanded force, estimated, that counts as contact; less a noise of contact_noise_n. Until then
             a force axis moves towards contact under velocity control.
         contact_noise_n: smaller commanded forces need no contact.
-        approach_gain: m/s per N of the commanded force, of the hand towards contact: what shall press softly lands softly.
+        approach_gain: m/s per N of the commanded force, of the hand towards contact: a small
+            commanded force gives a slow approach.
         approach_speed_limit_mps: of that speed.
         load_gain: share of the estimated force that axes in motion carry, so that a load deflects them less.
         load_limit_n: of that share.

@@ -2,17 +2,23 @@
 
 from typing import Annotated
 
+from control.faults import Fault
 from control.joints import JOINT_NAMES, LEGS
-from control.safety import Fault
 from server.answers.command import CommandFields
 from server.answers.schema import Answer, OneOf, PerJoint, Quaternion, Vector3, names_of
-from server.pacing import LOOP_OVERRUNS
 from server.silence import CONTROL_PROCESS_DEAD, CONTROL_PROCESS_SILENT
 from sim.backends.hardware.states import DriveState
+from sim.runtime.fault_words import BACKEND_FAILED, LOOP_OVERRUNS
 from sim.runtime.snapshot import Mode
 
 _FAULTS = OneOf(
-    (*(fault.name for fault in Fault if fault.name is not None), LOOP_OVERRUNS, CONTROL_PROCESS_DEAD, CONTROL_PROCESS_SILENT),
+    (
+        BACKEND_FAILED,
+        *(fault.name for fault in Fault if fault.name is not None),
+        LOOP_OVERRUNS,
+        CONTROL_PROCESS_DEAD,
+        CONTROL_PROCESS_SILENT,
+    ),
 )
 
 
@@ -122,7 +128,14 @@ class StateAnswer(Answer):
     mode: Annotated[str, names_of(Mode)]
     """`estop` while the e-stop is latched, `fault` while the drives damp for another reason"""
     faults: list[Annotated[str, _FAULTS]]
-    """why the safety gate damps, or what it limits; or that the control process is dead, silent or too slow"""
+    """why the safety gate damps, or what it limits; or that the backend failed, or that the control process is dead, silent or
+    too slow"""
+    fault_words: dict[str, str]
+    """each of `faults` in words; a controller or an estimator that failed is named with its exception"""
+    message: str | None
+    """why the robot does not obey, in one sentence; null while it does"""
+    failure: str | None
+    """why the backend steps no more, such as a simulation that diverged, with the cure; null while it does"""
     backend: str
     """what the pipeline drives"""
     drive: Drive | None

@@ -7,10 +7,11 @@ from server.answers.state import Loop
 
 
 class HealthAnswer(Answer):
-    """Whether the control process lives."""
+    """Whether the control process lives and its backend steps."""
 
-    status: Literal["ok", "busy", "stalled", "dead"]
-    """`ok` also while paused; `busy`: starts or loads a scene; `stalled`: lives but hangs; `dead`: no process"""
+    status: Literal["ok", "busy", "failed", "stalled", "dead"]
+    """`ok` also while paused; `busy`: starts or loads a scene; `failed`: its backend steps no more; `stalled`: lives but hangs;
+    `dead`: no process"""
     version: str
     """of Forcelens"""
     commit: str
@@ -24,7 +25,7 @@ class HealthAnswer(Answer):
     loop: Loop | None
     """how the control loop keeps time; null before the first snapshot"""
     reason: NotRequired[str]
-    """why the control process is dead"""
+    """why the control process is dead, or why its backend failed"""
 
 
 class RestartAnswer(Answer):

@@ -11,7 +11,7 @@ from server.dependencies import TheBuild, TheOperator
 from server.responses import json_response, refusals
 from server.schemas import RestartRequest
 from server.silence import silence_of
-from server.state import faults, loop_json, state_json
+from server.state import failure, faults, loop_json, state_json
 
 router = APIRouter(prefix="/api/v1", tags=["system"])
 
@@ -22,18 +22,22 @@ _restarting = CapacityLimiter(2)
 @router.get(
     "/health",
     response_model=HealthAnswer,
-    responses={503: {"model": HealthAnswer, "description": "It is `stalled` or `dead`"}},
+    responses={503: {"model": HealthAnswer, "description": "It is `stalled`, `dead` or `failed`"}},
 )
 async def get_health(operator: TheOperator, build: TheBuild) -> Response:
-    """Whether the control process lives; 200 also while paused."""
+    """Whether the control process lives and its backend steps; 200 also while paused."""
     client = operator.client
     snapshot = client.snapshot()
+    reason = client.death
     if not client.alive:
         status = "dead"
     elif client.busy:
         status = "busy"
+    elif client.stalled:
+        status = "stalled"
     else:
-        status = "stalled" if client.stalled else "ok"
+        reason = None if snapshot is None else failure(snapshot)
+        status = "ok" if reason is None else "failed"
     body: HealthAnswer = {
         "status": status,
         "version": build.version,
@@ -43,8 +47,8 @@ async def get_health(operator: TheOperator, build: TheBuild) -> Response:
         "faults": [] if snapshot is None else faults(snapshot),
         "loop": None if snapshot is None else loop_json(snapshot),
     }
-    if client.death is not None:
-        body["reason"] = client.death
+    if reason is not None:
+        body["reason"] = reason
     return json_response(body, 200 if status in ("ok", "busy") else 503)
 
 

@@ -4,7 +4,7 @@
                                        [--ablations] [--workers N] [--quick] [--seed N] [--json PATH] [--plot DIR]
 
 The seed draws a fresh test set; all estimators see the same rollouts. One that is no fair sample (a fall, a contact of
-anything but wheels, a joint on its stop) is drawn again and counted, so the sample is conditioned on none of these.
+anything but wheels, a joint at its limit) is drawn again and counted, so the sample is conditioned on none of these.
 """
 
 import argparse

@@ -97,7 +97,7 @@ class _Adaptive(AdaptiveEstimator):
 
 
 class _GmoUnconstrained(ProjectingEstimator):
-    """Minimiser of eq. (11) without its constraints, with the same W_q and R as GMO-CQP."""
+    """Minimiser of eq. (10) without its constraints, with the same W_q and R as GMO-CQP."""
 
     def __init__(self, residual: MomentumResidual, model: RobotModel, weights: ProjectionWeights) -> None:
         super().__init__(residual)

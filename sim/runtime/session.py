@@ -16,7 +16,7 @@ from control.types import Command
 from sim.backends.protocol import Backend, GroundTruth
 from sim.runtime.snapshot import Mode, command_from_record, command_to_record
 from sim.runtime.snapshot_limits import check_name, check_pipeline
-from sim.runtime.snapshot_writer import write_forces, write_policy, write_robot
+from sim.runtime.snapshot_writer import write_faults, write_forces, write_policy, write_robot
 
 ERROR_WINDOW_S = 5.0
 """Time constant of the live error of each estimator."""
@@ -153,7 +153,7 @@ class Session(Generic[BackendT]):
         record["sequence"] += 1
         record["time_s"] = self.time_s
         record["mode"] = self.mode
-        record["faults"] = int(output.safety.faults)
+        write_faults(record, output)
         record["backend"] = self.backend.name
         record["controller"] = self.pipeline.controller_name
         record["estimator"] = selected

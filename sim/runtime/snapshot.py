@@ -9,10 +9,11 @@ from enum import IntEnum
 import numpy as np
 
 from control.joints import JOINT_COUNT, LEGS
+from control.timing import MOST_ESTIMATORS
 from control.types import Command
 
 NAME_BYTES = 16
-MAX_ESTIMATORS = 8
+MAX_ESTIMATORS = MOST_ESTIMATORS
 MAX_OBJECTS = 8
 MAX_OBSERVATION = 160
 """sim.runtime.snapshot_limits refuses what is longer or more."""
@@ -47,7 +48,10 @@ SNAPSHOT = np.dtype(
         ("wall_time_s", "f8"),  # time.time() of the tick
         ("published_s", "f8"),  # time.monotonic() of the snapshot
         ("mode", "u1"),  # Mode
-        ("faults", "u4"),  # control.safety.Fault bits
+        ("faults", "u4"),  # control.faults.Fault bits
+        ("controller_error", "S160"),  # name and exception of the controller that failed, with the bit of that name
+        ("estimator_error", "S160"),  # of the estimators that failed
+        ("failure", "S160"),  # why the backend steps no more, and the cure; empty while it does
         ("backend", NAME),
         ("drive_state", "u1"),  # sim.backends.hardware.states.DriveState; on hardware only, as the next two
         ("drive_faults", "u4"),  # Trip bits

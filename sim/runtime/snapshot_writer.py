@@ -2,16 +2,28 @@
 
 import numpy as np
 
+from control.faults import Fault
 from control.frames import quaternion_from_rotation, rotation_heading_to_world
+from control.joints import LEGS
 from control.pipeline import PipelineOutput
 from control.policy.policy_controller import PolicyController
-from control.types import SensorFrame
+from control.types import ForceEstimate, SensorFrame
 from control.whole_body.controller import Controller
 from sim.backends.protocol import GroundTruth
 from sim.runtime.snapshot import command_to_record
 
 LOADED_WHEEL_N = 5.0
 """Estimated normal force above which a wheel counts as in contact where there is no truth."""
+
+_NO_ESTIMATE = ForceEstimate(np.full(3, np.nan), np.full((len(LEGS), 3), np.nan))
+"""Of a selected estimator that has not given one yet."""
+
+
+def write_faults(record: np.void, output: PipelineOutput) -> None:
+    """Faults of a SNAPSHOT record and who caused them."""
+    record["faults"] = int(output.safety.faults)
+    for fault in (Fault.CONTROLLER_ERROR, Fault.ESTIMATOR_ERROR):
+        record[str(fault.name).lower()] = output.failures.get(fault, "").encode(errors="replace")
 
 
 def write_robot(record: np.void, sensor: SensorFrame, output: PipelineOutput, truth: GroundTruth | None) -> None:
@@ -50,7 +62,7 @@ def write_forces(
     for index, name in enumerate(names):
         if name in output.estimates:
             record["force_estimates_n"][index] = output.estimates[name].force_estimated_n
-    estimate = output.estimates[selected]
+    estimate = output.estimates.get(selected, _NO_ESTIMATE)
     record["force_estimated_n"] = estimate.force_estimated_n
     record["force_sigma_n"] = np.nan if estimate.sigma_n is None else estimate.sigma_n
     record["wheel_force_estimated_n"] = estimate.wheel_forces_in_heading

@@ -1,4 +1,4 @@
-"""What the hand touches in training: the paper's virtual spring-damper, eq. (virtual_pd_force), and surroundings that move.
+"""What the hand touches in training: the paper's virtual spring-damper, eq. (23), and contacts that move.
 
 Per force axis: a spring-damper whose anchor glides and swings, soft to as stiff as a contact; something with viscous and dry
 friction that is dragged along; a person who leads the hand. Position axes get disturbances and pushes.

@@ -20,7 +20,7 @@ from sim.training.surrogate import MOTION_NAMES, SURROGATE_FILE, LowPass, Surrog
 from sim.trials.random_segments import RandomSegments
 from sim.trials.trial import Trial, TrialSetup
 
-logger = logging.getLogger("fit_estimator_surrogate")
+logger = logging.getLogger("fit_surrogate")
 
 MASS_SCALES = (0.85, 1.0, 1.15)
 _FREQUENCIES = np.geomspace(4.0, 60.0, 25)

@@ -42,7 +42,8 @@ class PolicyTrainingConfig:
     score_seed, score_minutes: trials of the score; never those of a benchmark.
     verification_seed: of the trials that the chosen checkpoint is judged by, which had no part in choosing it.
     warm_std, scratch_std, residual_std: action noise after imitation, without it, and of corrections: per action, as much as
-        disturbs about as much as there is to gain. What is learned under more noise is to live with noise.
+        disturbs about as much as there is to gain. With larger action
+        noise the policy learns to tolerate noise instead of acting precisely.
     correction_penalty, noise_memory: PpoConfig.mean_penalty and noise_memory of the residual form.
     correction_parts, correction_weights: its PpoConfig.parts and head_weights: legs and wheels are judged by locomotion first,
         the arm by the hand.

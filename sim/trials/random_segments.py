@@ -19,7 +19,7 @@ _PITCH_RANGE = (-0.4, 1.2)
 
 @dataclass(slots=True)
 class MovingSpring:
-    """Virtual spring-damper, eq. virtual_pd_force, per axis, whose anchor glides from the hand to a new place.
+    """Virtual spring-damper, eq. (23), per axis, whose anchor glides from the hand to a new place.
 
     With `rides` the anchor keeps to the heading frame while the robot drives, and damping acts on the velocity relative to it.
     """

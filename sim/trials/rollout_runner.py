@@ -1,4 +1,4 @@
-"""Runs one planned rollout tick by tick: the robot, its pipeline, the force on its hand, the motion, and what makes it unfair.
+"""Runs one planned rollout tick by tick: the robot, its pipeline, the force on its hand, the motion, and when it is rejected.
 
 The controller is fed by the `adaptive` estimate whatever runs besides, so a rollout depends on no trained network.
 """
@@ -63,10 +63,12 @@ def drive(
 
     Raises:
         RejectedError: the robot fell or the simulation diverged.
+        FailureError: a controller or an estimator failed.
     """
     for index in range(round(duration_s / TICK_S)):
         sensor = backend.read()
         output = pipeline.step(sensor, command_at(index * TICK_S), 0.0)
+        output.raise_failures()
         if output.safety.damping or backend.data.qpos[2] < MINIMUM_HEIGHT_M:
             raise RejectedError("fall")
         yield Tick(index, sensor, output)

@@ -114,9 +114,13 @@ class Trial:
         return bool(up < FALLEN_UP_COSINE or low or self.session.output.safety.damping)
 
     def run(self, command: Command, seconds: float) -> Iterator[float]:
-        """Tick under a command; yields the elapsed time, s, every controller period."""
+        """Tick under a command; yields the elapsed time, s, every controller period.
+
+        Raises:
+            FailureError: a controller or an estimator failed.
+        """
         for tick in range(1, round(seconds / TICK_S) + 1):
-            self.session.tick(command)
+            self.session.tick(command).raise_failures()
             if tick % SLOT_COUNT == 0:
                 yield tick * TICK_S
 

@@ -38,16 +38,21 @@ def happens(condition: Callable[[], Any], within_s: float) -> Any:
 
 
 class Api:
-    """The console's REST interface."""
+    """The console's REST interface.
 
-    def __init__(self, address: str) -> None:
+    Attributes:
+        address: of the page, without a token.
+    """
+
+    def __init__(self, address: str, token: str | None = None) -> None:
         self.address = address
+        self._headers = {"Content-Type": "application/json"}
+        if token is not None:
+            self._headers["Authorization"] = f"Bearer {token}"
 
     def call(self, method: str, path: str, body: dict[str, Any] | None = None) -> Any:
         data = None if body is None else json.dumps(body).encode()
-        request = urllib.request.Request(
-            f"{self.address}/api/v1/{path}", data, {"Content-Type": "application/json"}, method=method
-        )
+        request = urllib.request.Request(f"{self.address}/api/v1/{path}", data, self._headers, method=method)
         with urllib.request.urlopen(request, timeout=20.0) as response:
             return json.load(response)
 

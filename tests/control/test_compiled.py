@@ -6,14 +6,14 @@ import sys
 import textwrap
 from pathlib import Path
 
-import numba
 import numpy as np
 import pytest
+from numba.core import config
 
 from control.compiled import KernelError, kernel
 from control.paths import ROOT
 
-COMPILED = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="kernels are plain Python")
+COMPILED = pytest.mark.skipif(bool(config.DISABLE_JIT), reason="kernels are plain Python")
 
 INNER = """
     from control.compiled import kernel
@@ -127,7 +127,7 @@ def test_plain_python_and_checked_indices_are_no_machine_code_of_the_product(pac
 
 COMPILE_ALL = """
 from pathlib import Path
-from control.compile_all import compile_all
+from server.compile_all import compile_all
 if __name__ == "__main__":
     compile_all(lambda *state: print(*state), Path(__file__).parent, ("laws",))
 """

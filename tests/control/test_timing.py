@@ -14,6 +14,7 @@ from control.pipeline import Pipeline, PipelineConfig
 from control.timing import (
     CHEAP_JOBS,
     CONTROL_PERIOD_S,
+    MOST_ESTIMATORS,
     SLOT_COUNT,
     TICK_S,
     TIMETABLE,
@@ -24,8 +25,6 @@ from control.timing import (
     slots,
 )
 from control.types import ForceEstimate, SensorFrame
-
-OWN = len(slots(Job.SHOWN_ESTIMATE))
 
 
 def test_a_control_period_is_a_whole_number_of_slots() -> None:
@@ -47,7 +46,7 @@ def test_references_are_there_when_the_controller_runs() -> None:
     assert (slots(Job.REFERENCES)[0] + 1) % SLOT_COUNT == slots(Job.CONTROLLER)[0]
 
 
-@pytest.mark.parametrize("count", range(1, OWN + 2))
+@pytest.mark.parametrize("count", range(1, MOST_ESTIMATORS + 1))
 def test_every_estimator_that_is_shown_has_a_slot_of_its_own(count: int) -> None:
     names = [f"estimator_{index}" for index in range(count)]
     for selected in names:
@@ -58,8 +57,8 @@ def test_every_estimator_that_is_shown_has_a_slot_of_its_own(count: int) -> None
 
 
 def test_an_estimator_without_a_slot_is_refused() -> None:
-    names = [f"estimator_{index}" for index in range(OWN + 2)]
-    with pytest.raises(TimetableError, match=f"for {OWN + 1} estimators.*{names[-1]}"):
+    names = [f"estimator_{index}" for index in range(MOST_ESTIMATORS + 1)]
+    with pytest.raises(TimetableError, match=f"for {MOST_ESTIMATORS} estimators.*{names[-1]}"):
         shown_slots(names, names[0])
 
 
@@ -90,7 +89,7 @@ def frame(time_s: float) -> SensorFrame:
 
 
 def test_a_seventh_estimator_is_shown_and_shares_its_tick_with_no_other(monkeypatch: pytest.MonkeyPatch) -> None:
-    worked: dict[str, list[int]] = {f"estimator_{index}": [] for index in range(OWN + 1)}
+    worked: dict[str, list[int]] = {f"estimator_{index}": [] for index in range(MOST_ESTIMATORS)}
     estimators = {name: Watched(ticks) for name, ticks in worked.items()}
     monkeypatch.setattr(control.pipeline, "make_estimators", lambda model, config: estimators)
     pipeline = Pipeline(PipelineConfig(controller="model_based", estimator="estimator_2", policies=None))

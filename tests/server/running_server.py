@@ -49,9 +49,9 @@ class RunningServer:
 
 
 @contextmanager
-def running_server() -> Iterator[RunningServer]:
+def running_server(launch: ControlLaunch | None = None) -> Iterator[RunningServer]:
     """Its processes and threads end with the context."""
-    launch = ControlLaunch()
+    launch = launch or ControlLaunch()
     with closing(ControlClient(launch)) as client, _scene() as scene:
         client.start()
         operator = Operator(client, launch)

@@ -16,6 +16,7 @@ from server.control_loop import ControlLoop
 from server.estop_lane import EstopLane
 from server.messages import Close, Event, Outcome, Reply
 from server.pacing import Pacer
+from server.state import failure, faults
 from sim.processes import shared_record
 from sim.processes.shared_record import SharedRecord
 from sim.runtime.snapshot import SETPOINT, SNAPSHOT, Mode
@@ -261,11 +262,24 @@ def test_a_failed_backend_is_a_fault_until_a_reset(bench: Bench) -> None:
     bench.ask("set_scene", name="broken")
     bench.turn(3)
     assert bench.snapshot["mode"] == Mode.FAULT
+    assert failure(bench.snapshot) == "the simulation diverged; reset it"
+    assert "BACKEND_FAILED" in faults(bench.snapshot)
     refused = bench.ask("run", state="running", speed=None)
     assert refused.outcome is Outcome.REFUSED
     assert "diverged" in refused.value
     assert bench.ask("reset", seed=1, keyframe="stand").outcome is Outcome.DONE
     assert bench.snapshot["mode"] == Mode.RUNNING
+    assert failure(bench.snapshot) is None and faults(bench.snapshot) == []
+
+
+def test_the_estop_latches_although_the_backend_has_failed(bench: Bench) -> None:
+    bench.ask("set_scene", name="broken")
+    bench.estops.ask()
+    bench.turn(3)
+    assert bench.snapshot["mode"] == Mode.ESTOP
+    assert failure(bench.snapshot) is not None
+    bench.ask("reset", seed=1, keyframe="stand")
+    assert bench.snapshot["mode"] == Mode.ESTOP
 
 
 def test_a_changed_set_point_is_taken_at_once_with_its_age(bench: Bench) -> None:

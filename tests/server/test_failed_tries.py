@@ -1,7 +1,6 @@
 """Wrong tokens are answered ever later, right ones at once, and peace is forgiven."""
 
 import asyncio
-import time
 
 import pytest
 from starlette.types import Message
@@ -79,6 +78,4 @@ def test_who_hangs_up_is_not_waited_for() -> None:
     async def receive() -> Message:
         return {"type": "http.disconnect"}
 
-    started = time.monotonic()
-    asyncio.run(server.access._wait_with(receive, 3600.0))
-    assert time.monotonic() - started < 3600.0
+    asyncio.run(asyncio.wait_for(server.access._wait_with(receive, 3600.0), 20.0))

@@ -80,13 +80,23 @@ def url(scheme: str, port: Port, path: str) -> str:
     return f"{scheme}://{host}:{port.number}{path}"
 
 
-@pytest.mark.parametrize("headers", [{}, {"Origin": FOREIGN}, {"Cookie": "forcelens_token=guess"}, bearer("guess-guess")])
+@pytest.mark.parametrize("headers", [{}, {"Origin": FOREIGN}, {"Cookie": "forcelens_token=guess"}])
 def test_without_the_secret_no_port_answers_a_request(ports: set[Port], headers: dict[str, str]) -> None:
     for port in ports:
         for method, path in [("GET", path) for path in PATHS] + CHANGES:
-            answer = httpx.request(method, url("http", port, path), headers=headers, timeout=30.0)
-            assert answer.status_code in (401, 403), (port, method, path)
-            assert set(answer.json()) == {"detail"}
+            refused(port, method, path, headers)
+
+
+def test_nor_with_a_guess(ports: set[Port]) -> None:
+    for port in ports:
+        refused(port, "GET", "/?token=guess-guess", {})
+        refused(port, "POST", "/api/v1/estop", bearer("guess-guess"))
+
+
+def refused(port: Port, method: str, path: str, headers: dict[str, str]) -> None:
+    answer = httpx.request(method, url("http", port, path), headers=headers, timeout=30.0)
+    assert answer.status_code in (401, 403), (port, method, path)
+    assert set(answer.json()) == {"detail"}
 
 
 @pytest.mark.parametrize("origin", [None, FOREIGN])

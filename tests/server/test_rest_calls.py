@@ -10,6 +10,11 @@ import pytest
 from control.joints import JOINT_COUNT, JOINT_NAMES
 from control.timing import TICK_S
 from server import operator
+from server.backend_choice import with_options
+from server.control_client import ControlClient
+from server.control_process import ControlLaunch
+from server.errors import RefusedError
+from sim.backends.hardware.config import HardwareConfig
 from sim.backends.unitree.dds import INSTALL_HINT
 from tests.server.running_server import RunningServer
 
@@ -165,6 +170,25 @@ def test_without_its_extra_the_hardware_backend_says_how_to_get_it(
     assert strict(server.http.put("/api/v1/backend", json={"name": "simulation"}))["name"] == "simulation"
 
 
+@pytest.mark.parametrize("options", [{"domain": 0}, {"interface": "eth0"}, {"arm_host": "192.168.123.220"}, {}])
+def test_what_the_command_line_did_not_permit_no_call_permits(server: RunningServer, options: dict) -> None:
+    pid = server.operator.client.pid
+    body = {"name": "hardware", "options": {"allow_robot": True, **options}}
+    refused = server.http.put("/api/v1/backend", json=body)
+    assert refused.status_code == 409
+    assert "--allow-robot" in refused.json()["detail"]
+    assert server.operator.client.pid == pid
+    assert strict(server.http.get("/api/v1/backend"))["name"] == "simulation"
+
+
+def test_what_the_command_line_permits_a_call_may_ask_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(operator, "unavailable_because", lambda: "this is a test")  # asked after the options
+    permitted = with_options(HardwareConfig(), {"allow_robot": True})
+    console = operator.Operator(ControlClient(ControlLaunch()), ControlLaunch(), permitted)
+    with pytest.raises(RefusedError, match="this is a test"):
+        console.set_backend("hardware", allow_robot=True, domain=0)
+
+
 def test_a_simulated_robot_has_no_drives_to_engage(server: RunningServer) -> None:
     for refused in (server.http.get("/api/v1/hardware"), server.http.post("/api/v1/hardware", json={"request": "engage"})):
         assert refused.status_code == 409
@@ -192,6 +216,21 @@ def test_wrenches_expire_by_themselves(server: RunningServer) -> None:
     assert len(strict(server.http.get("/api/v1/wrenches"))) == 1
     server.http.post("/api/v1/step", json={"ticks": 8})
     assert strict(server.http.get("/api/v1/wrenches")) == []
+
+
+def test_a_simulation_that_diverges_is_no_healthy_one_until_its_reset(server: RunningServer) -> None:
+    for _ in range(40):
+        body = {"force_n": [200, 0, 200], "frame": "world", "duration_s": 60.0}
+        server.http.post("/api/v1/wrenches", json=body).raise_for_status()
+    state = server.wait_for(lambda state: state["failure"] is not None)
+    assert state["mode"] == "fault" and "BACKEND_FAILED" in state["faults"]
+    health = server.http.get("/api/v1/health")
+    assert (health.status_code, health.json()["status"]) == (503, "failed")
+    assert "reset" in health.json()["reason"]
+    server.http.post("/api/v1/reset").raise_for_status()
+    state = server.wait_for(lambda state: state["mode"] == "running")
+    assert state["failure"] is None and "BACKEND_FAILED" not in state["faults"]
+    assert server.http.get("/api/v1/health").json()["status"] == "ok"
 
 
 def test_estop_latches_survives_everything_but_its_clearing_and_forbids_commands(server: RunningServer) -> None:

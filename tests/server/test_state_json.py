@@ -5,10 +5,11 @@ import json
 import numpy as np
 import pytest
 
-from control.safety import Fault
+from control.faults import FAULT_WORDS, Fault
 from server.answers.state import StateAnswer
-from server.silence import CONTROL_PROCESS_DEAD, CONTROL_PROCESS_SILENT, Silence
+from server.silence import CONTROL_PROCESS_DEAD, CONTROL_PROCESS_SILENT, SILENCE_WORDS, Silence
 from server.state import SECTIONS, encode, estimator_errors, state_json
+from sim.backends.hardware.states import TRIP_TEXT, Trip
 from sim.runtime.snapshot import SNAPSHOT, Mode
 from tests.server.contract import check_fit
 
@@ -46,14 +47,46 @@ def test_estimators_that_do_not_run_are_null_and_unused_slots_are_absent(on_hard
     assert estimator_errors(on_hardware) == {"gmo_pi": None, "gmo_cqp": None}
 
 
-def test_faults_are_named(on_hardware: np.void) -> None:
-    assert set(state_json(on_hardware)["faults"]) == {"TILT", "STALE_SETPOINT"}
+def test_faults_are_named_and_come_with_words(on_hardware: np.void) -> None:
+    state = state_json(on_hardware)
+    assert state["faults"] == ["TILT", "STALE_SETPOINT"] == list(state["fault_words"])
+    for fault in Fault:
+        on_hardware["faults"] = int(fault)
+        assert state_json(on_hardware)["fault_words"] == {fault.name: FAULT_WORDS[fault]}
+
+
+def test_every_fault_of_the_drives_comes_with_words(on_hardware: np.void) -> None:
+    on_hardware["backend"], on_hardware["mode"], on_hardware["faults"] = b"hardware", Mode.FAULT, 0
+    assert set(TRIP_TEXT) == set(Trip)
+    for trip in Trip:
+        on_hardware["drive_faults"] = int(trip)
+        state = state_json(on_hardware)
+        assert state["drive"]["faults"] == [TRIP_TEXT[trip]]
+        assert state["message"] == f"Fault: motors are damping only ({TRIP_TEXT[trip]})."
+
+
+def test_a_fault_names_its_culprit(on_hardware: np.void) -> None:
+    on_hardware["mode"], on_hardware["faults"] = Mode.FAULT, int(Fault.CONTROLLER_ERROR | Fault.ESTIMATOR_ERROR)
+    on_hardware["controller_error"], on_hardware["estimator_error"] = b"mine, KeyError: 'gain'", "tcn, ü".encode()[:-1]
+    state = state_json(on_hardware)
+    assert state["fault_words"]["CONTROLLER_ERROR"].endswith("mine, KeyError: 'gain'")
+    assert "tcn, " in state["fault_words"]["ESTIMATOR_ERROR"]
+    assert "mine, KeyError: 'gain'" in state["message"]
+
+
+def test_what_ended_the_backend_is_a_fault(on_hardware: np.void) -> None:
+    on_hardware["mode"], on_hardware["faults"], on_hardware["failure"] = Mode.FAULT, 0, b"the simulation diverged"
+    state = state_json(on_hardware)
+    assert state["faults"] == ["BACKEND_FAILED"]
+    assert state["message"] == "Stopped: the simulation diverged."
+    assert "the simulation diverged" in state["fault_words"]["BACKEND_FAILED"]
 
 
 @pytest.mark.parametrize(("share", "named"), [(0.0, False), (0.04, False), (0.09, True)])
 def test_a_loop_that_does_not_keep_its_rate_is_a_fault(on_hardware: np.void, share: float, named: bool) -> None:
     on_hardware["overrun_share"] = share
     assert ("LOOP_OVERRUNS" in state_json(on_hardware)["faults"]) is named
+    assert ("LOOP_OVERRUNS" in state_json(on_hardware)["fault_words"]) is named
     assert state_json(on_hardware)["loop"]["overrun_share"] == share
 
 
@@ -71,6 +104,7 @@ def test_a_process_that_is_dead_or_hangs_is_a_fault_whatever_its_last_snapshot_s
     assert state["mode"] == "fault"
     assert state["stale_s"] == 2.5
     assert state["faults"][-1] == fault
+    assert state["fault_words"][fault] == state["message"] == SILENCE_WORDS[fault]
     assert state["loop"]["rate_hz"] == 0.0
 
 

@@ -25,7 +25,7 @@ def test_without_truth_an_error_is_unavailable(snapshot: np.void) -> None:
 
 def test_what_the_selected_one_states_is_shown_or_said_to_be_missing(snapshot: np.void) -> None:
     snapshot["force_sigma_n"] = np.nan
-    assert "not stated" in estimators_html(snapshot)
+    assert "none" in estimators_html(snapshot)
     snapshot["force_sigma_n"], snapshot["mass_scale_estimated"] = [0.3, 0.4, 1.2], 1.17
     text = estimators_html(snapshot)
     assert "1.30 N" in text

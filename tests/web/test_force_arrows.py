@@ -80,7 +80,7 @@ def test_the_other_estimates_show_on_demand_beside_each_other(arrows: ForceArrow
     assert arrows.others.visible
     lengths = arrows.others.points[:, 1] - arrows.others.points[:, 0]
     shown = arrows.others.points[:, 0, 2] > 0.0
-    assert shown.tolist() == [True, False, False, True, False, False, False, False]
+    assert shown.tolist() == [True, False, False, True, False, False, False]
     np.testing.assert_allclose(lengths[shown], METERS_PER_NEWTON * np.array([[0, 0, 8.0], [0, 0, 12.0]]), atol=1e-6)
     starts = np.vstack([segment(arrows.arrows["true"])[0], arrows.others.points[shown, 0]])
     assert np.linalg.norm(np.diff(starts, axis=0), axis=1).min() > 0.01

@@ -117,4 +117,4 @@ def test_a_backend_that_cannot_be_used_says_why(sink: RecordingSink) -> None:
 def test_a_fault_of_the_drives_is_an_alert(on_robot: np.void) -> None:
     on_robot["mode"], on_robot["drive_faults"] = Mode.FAULT, int(Trip.TILT | Trip.STALE_COMMAND)
     alert = alert_text(on_robot)
-    assert alert is not None and "the control process is silent, the base is tilted" in alert[0]
+    assert alert is not None and "the control process is silent; the base is tilted" in alert[0]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import viser
 
-from control.safety import Fault
+from control.faults import FAULT_WORDS, Fault
 from sim.runtime.snapshot import Mode
 from tests.web.recording_sink import RecordingSink
 from web.alert import alert_text
@@ -70,7 +70,7 @@ def test_what_only_a_simulation_has_is_hidden_on_hardware(
     ("mode", "faults", "words"),
     [
         (Mode.ESTOP, Fault.NONE, "E-stop is latched"),
-        (Mode.FAULT, Fault.TILT | Fault.STALE_SETPOINT, "the base tilts too far, no fresh command arrives"),
+        (Mode.FAULT, Fault.TILT | Fault.STALE_TARGETS, f"({FAULT_WORDS[Fault.TILT]}; {FAULT_WORDS[Fault.STALE_TARGETS]})"),
     ],
 )
 def test_an_alert_names_its_reason(snapshot: np.void, mode: Mode, faults: Fault, words: str) -> None:
@@ -80,13 +80,19 @@ def test_an_alert_names_its_reason(snapshot: np.void, mode: Mode, faults: Fault,
     assert words in alert[0]
 
 
-def test_every_fault_has_words(snapshot: np.void) -> None:
+def test_the_words_of_every_fault_reach_the_alert(snapshot: np.void) -> None:
     snapshot["mode"] = Mode.FAULT
     for fault in Fault:
         snapshot["faults"] = int(fault)
         alert = alert_text(snapshot)
         assert alert is not None
-        assert "unknown" not in alert[0], fault
+        assert FAULT_WORDS[fault] in alert[0]
+
+
+def test_a_failed_backend_is_an_alert_with_its_cure(snapshot: np.void) -> None:
+    snapshot["mode"], snapshot["failure"] = Mode.FAULT, b"the simulation diverged; reset it"
+    alert = alert_text(snapshot)
+    assert alert is not None and "reset it" in alert[0]
 
 
 @pytest.mark.parametrize("mode", [Mode.RUNNING, Mode.PAUSED])

@@ -26,13 +26,13 @@ export async function stop() {
   delete button.dataset.pending;
 }
 
-/** Show whether the backend reports a latched e-stop; `confirm` says what clearing it does. */
-export function showEstop(latched, confirm) {
+/** Show whether the backend reports a latched e-stop; `message` says what that means, `confirm` what clearing it does. */
+export function showEstop(latched, message, confirm) {
   if (button.dataset.latched === String(latched)) return;
   button.dataset.latched = String(latched);
   button.textContent = latched ? "STOPPED" : "E-STOP";
   if (!latched) return hideBanner("estop");
-  showBanner("estop", "stop", "E-stop is latched. The drives only damp; the robot may sink to the ground.", {
+  showBanner("estop", "stop", message, {
     label: "Clear e-stop",
     confirm,
     act: () => reporting(() => call("POST", "estop/clear")),

@@ -13,19 +13,6 @@ const RATE_HZ = 10;
 const DEAD = "CONTROL_PROCESS_DEAD";
 const SILENT = "CONTROL_PROCESS_SILENT";
 
-const FAULT_WORDS = {
-  tilt: "the base tilts too far",
-  not_finite: "a value is not finite",
-  stale_setpoint: "no fresh command arrives",
-  stale_targets: "the controller delivers no targets",
-  joint_limit: "a joint is at its limit",
-  torque_limit: "a joint is at its torque limit",
-  estimator_stale: "the force estimate is stale",
-  controller_error: "the controller failed",
-  tip_over_limit: "the commanded force is reduced, or the robot would tip over",
-  loop_overruns: "the control loop cannot keep its rate: one tick in twenty or more is late",
-};
-
 const pauseButton = document.getElementById("pause");
 const resetButton = document.getElementById("reset");
 const panelButton = document.getElementById("panel");
@@ -40,40 +27,42 @@ function onState(state) {
   latest = state;
   showState(state);
   showForces(state);
-  showEstop(state.mode === "estop", state.drive ? "Press again: the drives stay damped" : "Press again: the robot stands up");
+  showEstop(state.mode === "estop", state.message, state.drive ? "Press again: the drives stay damped" : "Press again: the robot stands up");
   const label = halted ? "Resume" : "Pause";
   if (pauseButton.textContent !== label) pauseButton.textContent = label;
   pauseButton.setAttribute("aria-pressed", String(halted));
   showFaults(state);
+  showFailure(state);
   showSilence(state);
 }
 
 /** The control process has died or hangs: what the page shows is old. */
-function showSilence({ faults, stale_s: stale }) {
+function showSilence({ faults, message, stale_s: stale }) {
   const dead = faults.includes(DEAD);
   const silent = dead || faults.includes(SILENT);
   pauseButton.disabled = resetButton.disabled = silent || latest.drive !== null;
   if (!silent) return hideBanner("control");
   showMode(dead ? "stopped" : "silent");
   showForces(null);
-  const since = `for ${Math.round(stale)} s`;
-  const words = dead
-    ? `The control process has stopped. Nothing has controlled the robot ${since}.`
-    : `The control process has not answered ${since}. The page shows the robot as it was then.`;
-  showBanner("control", "stop", words, {
+  showBanner("control", "stop", `${message} It has been so for ${Math.round(stale)} s.`, {
     label: "Restart control",
     act: () => reporting(() => call("POST", "control/restart", { force: !dead })),
   });
 }
 
+/** The backend steps no more: time stands still until the cure. */
+function showFailure({ failure, drive }) {
+  if (!failure) return hideBanner("failure");
+  const cure = drive ? undefined : { label: "Reset the simulation", act: reset };
+  showBanner("failure", "stop", `Stopped: ${failure}.`, cure);
+}
+
 /** Faults that damp get a banner; limits that come and go are told in the status bar, which does not move the scene. */
 function showFaults(state) {
-  const faults = state.faults.filter((fault) => fault !== DEAD && fault !== SILENT).map((fault) => FAULT_WORDS[fault.toLowerCase()] ?? fault);
-  const words = [...(state.drive?.faults ?? []), ...faults];
-  const damped = state.mode === "fault" && words.length > 0;
-  if (damped) showBanner("fault", "warn", `Fault: ${words.join(", ")}. The drives only damp.`);
+  const toldApart = state.failure || state.faults.includes(DEAD) || state.faults.includes(SILENT);
+  if (state.mode === "fault" && !toldApart) showBanner("fault", "warn", state.message);
   else hideBanner("fault");
-  showLimits(state.mode === "running" ? words : []);
+  showLimits(state.mode === "running" ? [...(state.drive?.faults ?? []), ...Object.values(state.fault_words)] : []);
 }
 
 function onLink(link, reason) {

@@ -1,4 +1,4 @@
-"""Causal temporal convolutional network of the residual force correction, paper Sec. II.E, evaluated with numpy.
+"""Causal temporal convolutional network of the residual force correction, paper Sec. II.D, evaluated with numpy.
 
 Each of the blocks runs two dilated causal convolutions with ReLU and adds its input; an MLP head maps the newest output to
 the force. A causal convolution pads the window with zeros on its old side. Only the newest output is wanted, so only the

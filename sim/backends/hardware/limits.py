@@ -31,7 +31,7 @@ class HardwareLimits:
     | the robot's clock starts anew after a silence: its own program owns the motors again | | nothing more is sent, latch |
 
     Attributes:
-        position_margin_rad: over this distance before a joint's end the torque towards it fades to zero.
+        position_margin_rad: over this distance before a joint limit the torque towards it fades to zero.
         leg_damping, wheel_damping: N m s/rad while damping, stiffness zero; the arm goes PASSIVE.
         release_timeout_s: for the robot's motion program to let go of the motors.
         self_test_s: states are watched for this long before the motors are engaged.

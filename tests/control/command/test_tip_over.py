@@ -9,11 +9,11 @@ from scipy.optimize import linprog
 
 from control.command.limits import DEFAULT_COMMAND, CommandLimits
 from control.command.tip_over import feasible_force_scale
+from control.faults import Fault
 from control.frames import rotation_from_quaternion, rotation_heading_to_world, skew
 from control.joints import ARM_SLICE, JOINT_COUNT, NOMINAL_BASE_HEIGHT_M, NOMINAL_POSITION
 from control.pipeline import PipelineConfig
 from control.robot_model import GRAVITY_MPS2, RobotModel
-from control.safety import Fault
 from control.types import Command
 from sim.backends.simulation.wrenches import Spring
 from sim.runtime.simulation import Simulation, SimulationConfig

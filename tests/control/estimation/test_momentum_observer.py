@@ -145,7 +145,7 @@ class FallingRobot:
                 joint_velocity = self.velocity[model.joint_rows]
                 nominal_friction_torque(joint_velocity, model.joint_friction, model.joint_damping, friction_torque)
                 force[model.joint_rows] -= friction_torque
-            # pdot = C^T v - g + S^T tau + xi, eq. (6); the upright base is a constraint on its angular velocity.
+            # pdot = C^T v - g + S^T tau + xi, eq. (4); the upright base is a constraint on its angular velocity.
             rate = force - (model.coriolis_matrix + model.coriolis_matrix.T) @ self.velocity
             keep = np.r_[0:3, 6:28]
             acceleration = np.zeros(28)

@@ -128,7 +128,7 @@ def test_solution_satisfies_the_kkt_conditions(cone: FrictionCone, seed: int) ->
 
 
 def solve_pyramid_by_generators(problem: WrenchProblem, constraints: ContactConstraints) -> np.ndarray:
-    """The pyramid is spanned by its four edges, which turns eq. (11) into bounded least squares."""
+    """The pyramid is spanned by its four edges, which turns eq. (10) into bounded least squares."""
     slope = constraints.friction / np.sqrt(2)
     edges = np.array([[a * slope, b * slope, 1.0] for a in (1, -1) for b in (1, -1)]).T
     span = np.zeros((WRENCH_SIZE, 22))

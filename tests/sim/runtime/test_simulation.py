@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from control.command.limits import DEFAULT_COMMAND
+from control.faults import Fault
 from control.pipeline import Pipeline, PipelineConfig
-from control.safety import Fault
 from control.types import Command, SensorFrame
 from sim.runtime.simulation import Simulation, SimulationConfig
 from sim.runtime.snapshot import SETPOINT, SNAPSHOT, Mode, command_from_record, command_to_record

@@ -1,7 +1,7 @@
 """The last gate before the wire: whatever gains and targets a command has, the torque that it causes is within limits.
 
 Predicted torque is tau = k_p (q_d - q) + k_d (dq_d - dq) + tau_ff. What exceeds the limits is taken off the feed-forward,
-which leaves the drive's own feedback as it is. Close to a joint's end the torque towards the end fades to zero.
+which leaves the drive's own feedback as it is. Close to a joint limit the torque towards the limit fades to zero.
 """
 
 import numpy as np
