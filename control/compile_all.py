@@ -15,7 +15,7 @@ from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wai
 from graphlib import TopologicalSorter
 from pathlib import Path
 
-import numba
+from numba.core import config
 
 from control import compiled
 from control.paths import ROOT
@@ -46,7 +46,7 @@ def compile_all(
         Exception: whatever a kernel's compilation raises.
     """
     cache = compiled.CACHE
-    if cache is None or numba.config.DISABLE_JIT:
+    if cache is None or config.DISABLE_JIT:
         return
     files = [path for package in packages for path in sorted((root / package).rglob("*.py"))]
     complete = cache / f"{_COMPLETE}{_version(files)}"
@@ -60,7 +60,7 @@ def compile_all(
     imports = {name: set(_imports(path, sources)) for name, path in sources.items()}
     order = TopologicalSorter({name: _reachable(name, imports) & counts.keys() for name in counts})
     order.prepare()
-    running: dict[Future[object], str] = {}
+    running: dict[Future[None], str] = {}
     workers = min(4, max(2, os.cpu_count() or 1))
     with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as pool:
         while order.is_active():

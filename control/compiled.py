@@ -16,12 +16,13 @@ import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import CodeType, ModuleType
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import llvmlite
 import llvmlite.binding
 import numba
 import numpy as np
+from numba.core import config
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 _log = logging.getLogger(__name__)
@@ -78,7 +79,7 @@ def kernel(*signatures: str, **records: np.dtype) -> Callable[[_Function], _Func
     names = _NAMES | {name: numba.from_dtype(layout) for name, layout in records.items()}
 
     def decorate(function: _Function) -> _Function:
-        if numba.config.DISABLE_JIT:
+        if config.DISABLE_JIT:
             return function
         digest = hashlib.sha256(_TOOLCHAIN.encode())
         for part in _parts(function):
@@ -88,9 +89,9 @@ def kernel(*signatures: str, **records: np.dtype) -> Callable[[_Function], _Func
             folder = CACHE / _digests[function]
             folder.mkdir(exist_ok=True)
             os.utime(folder)  # in use: control.compile_all removes what is not
-            numba.config.CACHE_DIR = str(folder)
+            config.CACHE_DIR = str(folder)
         types = [eval(signature, {}, names) for signature in signatures]
-        return numba.njit(types, cache=CACHE is not None, error_model="numpy")(function)
+        return cast(_Function, numba.njit(types, cache=CACHE is not None, error_model="numpy")(function))
 
     return decorate
 
@@ -121,7 +122,7 @@ def _codes(code: CodeType) -> Iterator[CodeType]:
 def _constant(value: object, where: str) -> bytes:
     """What a captured object contributes."""
     callee = getattr(value, "py_func", None)
-    if callee in _digests:
+    if callee is not None and callee in _digests:
         return _digests[callee].encode()
     if isinstance(value, ModuleType):
         if value.__name__ not in ("math", "numpy", "numba"):

@@ -6,14 +6,13 @@ import sys
 import textwrap
 from pathlib import Path
 
-import numba
 import numpy as np
 import pytest
 
 from control.compiled import KernelError, kernel
 from control.paths import ROOT
 
-COMPILED = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="kernels are plain Python")
+COMPILED = pytest.mark.skipif(os.environ.get("NUMBA_DISABLE_JIT") == "1", reason="kernels are plain Python")
 
 INNER = """
     from control.compiled import kernel

@@ -68,7 +68,7 @@ def press(force_z: float, force_y: float | None = None) -> Command:
     )
 
 
-PUSH, SHOVE = (12.0, -8.0, 8.0), (20.0, 5.0, -6.0)
+PUSH, SHOVE = np.array([12.0, -8.0, 8.0]), np.array([20.0, 5.0, -6.0])
 FREE = Take(
     2500,
     "policy",
@@ -87,7 +87,7 @@ FREE = Take(
     mass_scale=1.1,
     pulses={
         900: Pulse(PUSH, 0.8, ramp_s=0.1),
-        1300: Pulse((0.0, 25.0, 0.0), 0.3, body="base", ramp_s=0.05),
+        1300: Pulse(np.array([0.0, 25.0, 0.0]), 0.3, body="base", ramp_s=0.05),
         1550: Pulse(SHOVE, 0.6, ramp_s=0.1),
         2300: Pulse(PUSH, 0.2, ramp_s=0.02),
     },
@@ -104,7 +104,7 @@ MODEL_BASED = Take(
         750: ask(base_velocity=(0.0, 0.1, 0.2)),
     },
     mass_scale=0.9,
-    pulses={420: Pulse(PUSH, 0.7, ramp_s=0.2), 800: Pulse(SHOVE, 0.2, point_m=(0.02, 0.0, 0.01), ramp_s=0.03)},
+    pulses={420: Pulse(PUSH, 0.7, ramp_s=0.2), 800: Pulse(SHOVE, 0.2, point_m=np.array([0.02, 0.0, 0.01]), ramp_s=0.03)},
 )
 BOX = Take(
     1100,
