@@ -37,16 +37,14 @@ def rotate_back(rotation: np.ndarray, vector: np.ndarray) -> Triple:
     )
 
 
-@kernel("b1(f8[:,::1], f8[::1])")
-def solve_positive(matrix: np.ndarray, vector: np.ndarray) -> bool:
-    """Solve A x = b in place by Cholesky's factors A = L L^T; False where A is not positive definite.
+@kernel("b1(f8[:,::1])")
+def factorize(matrix: np.ndarray) -> bool:
+    """Cholesky's factor L of A = L L^T in place; False where A is not positive definite.
 
     Args:
         matrix: (n, n) A, symmetric; its lower triangle is read and becomes L.
-        vector: (n,) b, becomes x.
     """
-    size = len(vector)
-    for j in range(size):
+    for j in range(len(matrix)):
         pivot = matrix[j, j]
         for k in range(j):
             pivot -= matrix[j, k] * matrix[j, k]
@@ -54,16 +52,42 @@ def solve_positive(matrix: np.ndarray, vector: np.ndarray) -> bool:
             return False
         root = math.sqrt(pivot)
         matrix[j, j] = root
-        for i in range(j + 1, size):
+        for i in range(j + 1, len(matrix)):
             rest = matrix[i, j]
             for k in range(j):
                 rest -= matrix[i, k] * matrix[j, k]
             matrix[i, j] = rest / root
+    return True
+
+
+@kernel("void(f8[:,::1], f8[::1])")
+def substitute(factor: np.ndarray, vector: np.ndarray) -> None:
+    """Solve L L^T x = b in place.
+
+    Args:
+        factor: (n, n) of `factorize`.
+        vector: (n,) b, becomes x.
+    """
+    size = len(vector)
+    for j in range(size):
         for k in range(j):
-            vector[j] -= matrix[j, k] * vector[k]
-        vector[j] /= root
+            vector[j] -= factor[j, k] * vector[k]
+        vector[j] /= factor[j, j]
     for j in range(size - 1, -1, -1):
         for k in range(j + 1, size):
-            vector[j] -= matrix[k, j] * vector[k]
-        vector[j] /= matrix[j, j]
+            vector[j] -= factor[k, j] * vector[k]
+        vector[j] /= factor[j, j]
+
+
+@kernel("b1(f8[:,::1], f8[::1])")
+def solve_positive(matrix: np.ndarray, vector: np.ndarray) -> bool:
+    """Solve A x = b in place; False where A is not positive definite.
+
+    Args:
+        matrix: (n, n) A, symmetric; its lower triangle is read and becomes Cholesky's factor.
+        vector: (n,) b, becomes x.
+    """
+    if not factorize(matrix):
+        return False
+    substitute(matrix, vector)
     return True

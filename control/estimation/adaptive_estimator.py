@@ -11,16 +11,15 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from control.compiled import kernel
 from control.estimation.force_estimator import EstimatorInput
 from control.estimation.model_adaptation import (
-    ARM,
-    FRICTIONS,
     MASSES,
-    PARAMETER_COUNT,
-    REST,
     ModelAdaptation,
     ModelAdaptationConfig,
+    correct_residual,
     friction_groups,
+    split_forces,
 )
 from control.estimation.momentum_observer import SLOPE_GAINS, ObserverGains
 from control.estimation.momentum_residual import MomentumResidual
@@ -29,12 +28,14 @@ from control.estimation.wrench_projection import (
     FORCE_ROWS,
     SUPPORT_ROWS,
     ProjectionWeights,
-    build_wrench_problem,
     project_on_friction_cone,
-    solve_positive_definite,
+    turn_wrench,
+    unconstrained_wrench,
 )
+from control.estimation.wrench_qp import WrenchProjectionError
+from control.frames import rotation_heading_to_world
 from control.joints import ARM_SLICE, LEGS
-from control.robot_model import RobotModel
+from control.robot_model import WRENCH_SIZE, RobotModel
 from control.timing import Job, due
 from control.types import ForceEstimate
 
@@ -57,19 +58,47 @@ class AdaptiveConfig:
     stop_margin_rad: float = 0.02
 
 
+@kernel("void(vector, f8[::1], f8[::1], f8, i8[::1], f8[::1], f8[::1])")
+def trust_rows(
+    joint_position: np.ndarray,
+    lower: np.ndarray,
+    upper: np.ndarray,
+    margin: float,
+    joint_rows: np.ndarray,
+    rows: np.ndarray,
+    trusted: np.ndarray,
+) -> None:
+    """W_q without the joints that may lie against a stop: the stop's torque is unknown.
+
+    Args:
+        joint_position: (22,) rad.
+        lower, upper: (22,) rad, stops.
+        margin: rad, distance from a stop at which a joint is taken to lie against it.
+        joint_rows: (22,) generalized row of each joint.
+        rows: (28,) diagonal of W_q.
+        trusted: (28,) the result.
+    """
+    trusted[:] = rows
+    for joint in range(len(joint_rows)):
+        if not lower[joint] + margin < joint_position[joint] < upper[joint] - margin:
+            trusted[joint_rows[joint]] = 0.0
+
+
 class AdaptiveEstimator(ProjectingEstimator):
     """Fast observer, force-only prior on the end effector, and adaptation of masses and frictions."""
 
     def __init__(self, model: RobotModel, config: AdaptiveConfig, period_s: float) -> None:
-        """`period_s` is the tick length; `model` the one that every tick's input carries."""
+        """`period_s` is the tick length; `model` like the one that every tick's input carries."""
         super().__init__(MomentumResidual(config.gains, period_s, with_friction=True))
         self._config = config
-        self._model = model
+        self._arm_share = model.arm_mass / model.total_mass
         self._adaptation = ModelAdaptation(config.adaptation)
         self._rows = config.weights.rows(model)
         self._costs = config.weights.costs()
         self._arm_rows = model.joint_rows[ARM_SLICE]
         self._friction_groups = friction_groups(model)
+        size = len(model.velocity)
+        self._trusted, self._forces, self._corrected = np.zeros(size), np.zeros((size, 3)), np.zeros(size)
 
     @property
     def mass_scales(self) -> np.ndarray:
@@ -85,49 +114,55 @@ class AdaptiveEstimator(ProjectingEstimator):
         """Take in one 500 Hz tick, once; one in a control period adapts the model."""
         if not self._residual.observe(inputs):
             return
-        if due(Job.ADAPTATION, inputs.tick) and math.isfinite(self.residual.sum()):
+        if due(Job.ADAPTATION, inputs.tick) and self._residual.finite:
             self._adapt()
 
     def _adapt(self) -> None:
-        rows, regressor = self._trusted_rows(), self._regressor()
-        corrected = self.residual + regressor @ self._adaptation.parameters
+        wrench = self._unconstrained_wrench()
         # R is isotropic, so the frame of the wrenches does not matter here.
-        problem = build_wrench_problem(self._model.wrench_jacobian, corrected, rows, self._costs)
-        force = solve_positive_definite(problem.hessian, problem.right_side)[FORCE_ROWS]
-        self._adaptation.update(problem, rows * self.residual, rows[:, None] * regressor, math.hypot(*force))
+        self._adaptation.update(
+            self._residual.inputs.model.wrench_jacobian,
+            self.residual,
+            self._trusted,
+            self._costs,
+            self._forces,
+            self._friction_groups,
+            math.hypot(*wrench[FORCE_ROWS]),
+        )
 
-    def _project(self, jacobian: np.ndarray, residual: np.ndarray) -> ForceEstimate:
-        corrected = residual + self._regressor() @ self._adaptation.parameters
-        problem = build_wrench_problem(jacobian, corrected, self._trusted_rows(), self._costs)
-        wrench = solve_positive_definite(problem.hessian, problem.right_side)
-        self.unexplained = corrected - wrench @ jacobian
-        wheel_forces = project_on_friction_cone(wrench[SUPPORT_ROWS].reshape(len(LEGS), 3), self._config.friction)
-        return ForceEstimate(wrench[FORCE_ROWS].copy(), wheel_forces, mass_scale=self._mass_scale())
+    def _project(self, inputs: EstimatorInput, residual: np.ndarray) -> ForceEstimate:
+        wrench = self._unconstrained_wrench()
+        turn_wrench(rotation_heading_to_world(inputs.base.rotation_base_to_world), wrench)
+        wheel_forces = wrench[SUPPORT_ROWS].reshape(len(LEGS), 3)
+        project_on_friction_cone(wheel_forces, self._config.friction, wheel_forces)
+        return ForceEstimate(wrench[FORCE_ROWS], wheel_forces, mass_scale=self._mass_scale())
 
-    def _trusted_rows(self) -> np.ndarray:
-        """(28,) diagonal of W_q, zero for a joint that may lie against its stop: the stop's torque is unknown."""
-        position, margin = self._residual.inputs.sensor.joint_position, self._config.stop_margin_rad
-        free = (position > self._model.position_lower + margin) & (position < self._model.position_upper - margin)
-        if free.all():
-            return self._rows
-        rows = self._rows.copy()
-        rows[self._model.joint_rows] *= free
-        return rows
+    def _unconstrained_wrench(self) -> np.ndarray:
+        """(18,) in world axes, of the newest residual after correction by the adapted model.
 
-    def _regressor(self) -> np.ndarray:
-        """(28, 9) N of arm and rest, then F. On the arm's rows all of N is the arm's; on the base's the arm's part is taken
-        as its gravity, which dominates there; on the legs' the arm has no part."""
-        total = self._residual.inertial_force
-        regressor = np.empty((len(total), PARAMETER_COUNT))
-        arm = self._model.arm_gravity()
-        arm[self._arm_rows] = total[self._arm_rows]
-        regressor[:, ARM] = arm
-        regressor[:, REST] = total - arm
-        regressor[:, FRICTIONS] = self._friction_groups
-        regressor[:, FRICTIONS] *= self._residual.friction_force[:, None]
-        return regressor
+        Raises:
+            WrenchProjectionError: H is not positive definite.
+        """
+        observed = self._residual
+        model = observed.inputs.model
+        trust_rows(
+            observed.inputs.sensor.joint_position,
+            model.position_lower,
+            model.position_upper,
+            self._config.stop_margin_rad,
+            model.joint_rows,
+            self._rows,
+            self._trusted,
+        )
+        split_forces(observed.inertial_force, observed.friction_force, model.arm_gravity(), self._arm_rows, self._forces)
+        correct_residual(observed.residual, self._forces, self._friction_groups, self._adaptation.parameters, self._corrected)
+        wrench = np.empty(WRENCH_SIZE)
+        jacobian = model.wrench_jacobian
+        if not unconstrained_wrench(jacobian, self._corrected, self._trusted, self._costs, wrench, self.unexplained):
+            raise WrenchProjectionError(None, "H is not positive definite; every cost in R must be positive")
+        return wrench
 
     def _mass_scale(self) -> float:
         """Total mass over nominal."""
         arm, rest = self._adaptation.parameters[MASSES].tolist()
-        return 1.0 + rest + (arm - rest) * self._model.arm_mass / self._model.total_mass
+        return 1.0 + rest + (arm - rest) * self._arm_share

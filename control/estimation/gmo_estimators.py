@@ -2,10 +2,19 @@
 
 import numpy as np
 
+from control.estimation.force_estimator import EstimatorInput
 from control.estimation.momentum_residual import MomentumResidual
 from control.estimation.projecting_estimator import ProjectingEstimator, estimate_from_wrench
-from control.estimation.wrench_projection import ProjectionWeights, build_wrench_problem, pseudo_inverse_wrench
+from control.estimation.wrench_projection import (
+    ProjectionWeights,
+    build_wrench_problem,
+    pseudo_inverse_wrench,
+    turn_wrench,
+    unexplained_residual,
+    wrench_jacobian_in_heading,
+)
 from control.estimation.wrench_qp import ContactConstraints, WrenchSolver
+from control.frames import rotation_heading_to_world
 from control.robot_model import RobotModel
 from control.types import ForceEstimate
 
@@ -13,9 +22,11 @@ from control.types import ForceEstimate
 class GmoPseudoInverse(ProjectingEstimator):
     """GMO-PI: x = B^# r."""
 
-    def _project(self, jacobian: np.ndarray, residual: np.ndarray) -> ForceEstimate:
+    def _project(self, inputs: EstimatorInput, residual: np.ndarray) -> ForceEstimate:
+        jacobian = inputs.model.wrench_jacobian
         wrench = pseudo_inverse_wrench(jacobian, residual)
-        self.unexplained = residual - wrench @ jacobian
+        unexplained_residual(jacobian, wrench, residual, self.unexplained)
+        turn_wrench(rotation_heading_to_world(inputs.base.rotation_base_to_world), wrench)
         return estimate_from_wrench(wrench)
 
 
@@ -33,8 +44,12 @@ class GmoConstrained(ProjectingEstimator):
         self._rows = weights.rows(model)
         self._costs = weights.costs()
         self._solver = WrenchSolver(constraints)
+        self._jacobian = np.zeros_like(model.wrench_jacobian)
 
-    def _project(self, jacobian: np.ndarray, residual: np.ndarray) -> ForceEstimate:
-        wrench, _ = self._solver.solve(build_wrench_problem(jacobian, residual, self._rows, self._costs))
-        self.unexplained = residual - wrench @ jacobian
+    def _project(self, inputs: EstimatorInput, residual: np.ndarray) -> ForceEstimate:
+        # The pyramid is aligned with the heading frame.
+        heading = rotation_heading_to_world(inputs.base.rotation_base_to_world)
+        wrench_jacobian_in_heading(inputs.model.wrench_jacobian, heading, self._jacobian)
+        wrench, _ = self._solver.solve(build_wrench_problem(self._jacobian, residual, self._rows, self._costs))
+        unexplained_residual(self._jacobian, wrench, residual, self.unexplained)
         return estimate_from_wrench(wrench)

@@ -16,15 +16,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from control.estimation.wrench_projection import WrenchProblem, solve_positive_definite
+from control.compiled import kernel
+from control.estimation.wrench_projection import normal_equations
 from control.joints import ARM_SLICE
-from control.robot_model import RobotModel
+from control.robot_model import WRENCH_SIZE, RobotModel
+from control.small_algebra import clip, factorize, solve_positive, substitute
 from control.timing import CONTROL_PERIOD_S
 
 ARM, REST = 0, 1
 MASSES = slice(0, 2)
 FRICTIONS = slice(2, 9)
 PARAMETER_COUNT = 9
+_FIRST_FRICTION = FRICTIONS.start
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,21 +64,142 @@ class ModelAdaptationConfig:
 
 
 def friction_groups(model: RobotModel) -> np.ndarray:
-    """(28, 7) 1 where a generalized row belongs to a friction group: arm joints 1-6, then legs and wheels."""
-    rows = model.joint_rows
-    arm = rows[ARM_SLICE]
-    groups = np.zeros((len(model.velocity), len(arm) + 1))
-    groups[rows, -1] = 1.0
-    groups[arm, -1] = 0.0
-    groups[arm, np.arange(len(arm))] = 1.0
+    """(28,) friction group of each generalized row: arm joints 0-5, then legs and wheels 6; -1 for the base, which has none."""
+    groups = np.full(len(model.velocity), -1)
+    groups[model.joint_rows] = FRICTIONS.stop - FRICTIONS.start - 1
+    groups[model.joint_rows[ARM_SLICE]] = np.arange(FRICTIONS.stop - FRICTIONS.start - 1)
     return groups
+
+
+@kernel("void(f8[::1], f8[::1], f8[::1], i8[::1], f8[:,::1])")
+def split_forces(
+    inertial_force: np.ndarray,
+    friction_force: np.ndarray,
+    arm_gravity: np.ndarray,
+    arm_rows: np.ndarray,
+    forces: np.ndarray,
+) -> None:
+    """The forces that the parameters scale: N of arm and rest, then F.
+
+    On the arm's rows all of N is the arm's; on the base's the arm's part is taken as its gravity, which dominates there; on
+    the legs' the arm has no part.
+
+    Args:
+        inertial_force: (28,) N of the whole robot.
+        friction_force: (28,) nominal joint friction.
+        arm_gravity: (28,) the part of gravity that the arm's links cause.
+        arm_rows: (6,) rows of the arm's joints.
+        forces: (28, 3) the results.
+    """
+    for row in range(len(forces)):
+        forces[row, 0] = arm_gravity[row]
+        forces[row, 2] = friction_force[row]
+    for row in arm_rows:
+        forces[row, 0] = inertial_force[row]
+    for row in range(len(forces)):
+        forces[row, 1] = inertial_force[row] - forces[row, 0]
+
+
+@kernel("void(f8[::1], f8[:,::1], i8[::1], f8[::1], f8[::1])")
+def correct_residual(
+    residual: np.ndarray, forces: np.ndarray, groups: np.ndarray, parameters: np.ndarray, corrected: np.ndarray
+) -> None:
+    """What is left for wrenches to explain: r + N beta + F phi.
+
+    Args:
+        residual: (28,) r.
+        forces: (28, 3) of `split_forces`.
+        groups: (28,) of `friction_groups`.
+        parameters: (9,) theta = [beta, phi].
+        corrected: (28,) the result.
+    """
+    for row in range(len(residual)):
+        corrected[row] = residual[row] + forces[row, 0] * parameters[ARM] + forces[row, 1] * parameters[REST]
+        if groups[row] >= 0:
+            corrected[row] += forces[row, 2] * parameters[_FIRST_FRICTION + groups[row]]
+
+
+@kernel(
+    "b1(matrix, f8[::1], f8[::1], f8[::1], f8[:,::1], i8[::1], f8, f8, f8[:,::1], f8[::1], f8[:,::1], f8[::1], f8[::1])",
+)
+def add_instant(
+    jacobian: np.ndarray,
+    residual: np.ndarray,
+    rows: np.ndarray,
+    costs: np.ndarray,
+    forces: np.ndarray,
+    groups: np.ndarray,
+    keep: float,
+    weight: float,
+    prior: np.ndarray,
+    limits: np.ndarray,
+    information: np.ndarray,
+    information_vector: np.ndarray,
+    parameters: np.ndarray,
+) -> bool:
+    """Add one instant to the information on theta and solve for it; False where that is singular.
+
+    Minimising eq. (10) over x leaves the quadratic form of I - W B H^-1 B^T W in the rest of the residual.
+
+    Args:
+        jacobian: (18, 28) B^T.
+        residual: (28,) r, of the nominal model.
+        rows: (28,) diagonal of W_q.
+        costs: (18,) diagonal of R.
+        forces: (28, 3) of `split_forces`.
+        groups: (28,) of `friction_groups`.
+        keep: share of the old information that stays; the prior fills up the rest.
+        weight: of this instant, one over the variance of a weighted residual row.
+        prior: (9, 9) information of the prior, whose mean is zero.
+        limits: (9,) of |theta|.
+        information: (9, 9) changed.
+        information_vector: (9,) changed.
+        parameters: (9,) theta, the result.
+    """
+    size = len(residual)
+    regressor = np.zeros((size, PARAMETER_COUNT))
+    for row in range(size):
+        regressor[row, ARM] = rows[row] * forces[row, 0]
+        regressor[row, REST] = rows[row] * forces[row, 1]
+        if groups[row] >= 0:
+            regressor[row, _FIRST_FRICTION + groups[row]] = rows[row] * forces[row, 2]
+    factor, wrench = np.empty((WRENCH_SIZE, WRENCH_SIZE)), np.empty(WRENCH_SIZE)
+    normal_equations(jacobian, residual, rows, costs, factor, wrench)
+    if not factorize(factor):
+        return False
+    unexplained = np.empty(size)
+    for k in range(PARAMETER_COUNT):
+        wrench[:] = 0.0
+        for i in range(WRENCH_SIZE):
+            for row in range(size):
+                wrench[i] += jacobian[i, row] * rows[row] * regressor[row, k]
+        substitute(factor, wrench)
+        unexplained[:] = regressor[:, k]
+        for i in range(WRENCH_SIZE):
+            for row in range(size):
+                unexplained[row] -= wrench[i] * jacobian[i, row] * rows[row]
+        explained_by_parameter = 0.0
+        for row in range(size):
+            explained_by_parameter += unexplained[row] * rows[row] * residual[row]
+        information_vector[k] = keep * information_vector[k] - weight * explained_by_parameter
+        for j in range(PARAMETER_COUNT):
+            shared = 0.0
+            for row in range(size):
+                shared += unexplained[row] * regressor[row, j]
+            information[k, j] = keep * information[k, j] + (1.0 - keep) * prior[k, j] + weight * shared
+    solution = information_vector.copy()
+    if not solve_positive(information.copy(), solution):
+        return False
+    for k in range(PARAMETER_COUNT):
+        parameters[k] = clip(solution[k], -limits[k], limits[k])
+    return True
 
 
 class ModelAdaptation:
     """Recursive Bayesian least squares on theta = [beta (2), phi (7)].
 
     Attributes:
-        parameters: (9,) current estimate of theta; the next `update` replaces the array.
+        parameters: (9,) current estimate of theta; the next `update` overwrites it.
     """
 
     def __init__(self, config: ModelAdaptationConfig) -> None:
@@ -99,26 +223,42 @@ class ModelAdaptation:
         self.parameters = np.zeros(PARAMETER_COUNT)
 
     def update(
-        self, problem: WrenchProblem, weighted_residual: np.ndarray, weighted_regressor: np.ndarray, force_n: float
+        self,
+        jacobian: np.ndarray,
+        residual: np.ndarray,
+        rows: np.ndarray,
+        costs: np.ndarray,
+        forces: np.ndarray,
+        groups: np.ndarray,
+        force_n: float,
     ) -> None:
-        """Add one instant; old information fades as fast as new comes in.
+        """Add one instant, see `add_instant`; old information fades as fast as new comes in.
 
         Args:
-            problem: eq. (10) at this instant; its right side is not used.
-            weighted_residual: (28,) W_q r, of the nominal model.
-            weighted_regressor: (28, 9) W_q [N, F].
+            jacobian: (18, 28) B^T.
+            residual: (28,) r, of the nominal model.
+            rows: (28,) diagonal of W_q.
+            costs: (18,) diagonal of R.
+            forces: (28, 3) of `split_forces`.
+            groups: (28,) of `friction_groups`.
             force_n: estimated size of the force on the hand.
         """
         self._elapsed_s += CONTROL_PERIOD_S
         if self._elapsed_s < self._config.settle_s:
             return
-        # Minimising over x leaves the quadratic form of I - W B H^-1 B^T W in the rest.
-        jacobian = problem.weighted_jacobian
-        explained = jacobian.T @ solve_positive_definite(problem.hessian, jacobian @ weighted_regressor)
-        unexplained = weighted_regressor - explained
         trust = 1.0 / (1.0 + (force_n / self._config.force_scale_n) ** 2)
-        keep, weight = self._keep**trust, trust / self._config.residual_sd**2
-        self._information = keep * self._information + (1.0 - keep) * self._prior + weight * unexplained.T @ weighted_regressor
-        self._information_vector = keep * self._information_vector - weight * unexplained.T @ weighted_residual
-        parameters = np.linalg.solve(self._information, self._information_vector)
-        self.parameters = np.clip(parameters, -self._limits, self._limits)
+        add_instant(
+            jacobian,
+            residual,
+            rows,
+            costs,
+            forces,
+            groups,
+            self._keep**trust,
+            trust / self._config.residual_sd**2,
+            self._prior,
+            self._limits,
+            self._information,
+            self._information_vector,
+            self.parameters,
+        )

@@ -1,6 +1,5 @@
 """What the force estimators share: a momentum residual goes in, a wrench comes out, and a failed projection is said."""
 
-import math
 from abc import ABC, abstractmethod
 from dataclasses import replace
 
@@ -8,9 +7,8 @@ import numpy as np
 
 from control.estimation.force_estimator import EstimatorInput
 from control.estimation.momentum_residual import MomentumResidual
-from control.estimation.wrench_projection import FORCE_ROWS, SUPPORT_ROWS, wrench_jacobian_in_heading
+from control.estimation.wrench_projection import FORCE_ROWS, SUPPORT_ROWS
 from control.estimation.wrench_qp import WrenchProjectionError
-from control.frames import rotation_heading_to_world
 from control.joints import JOINT_COUNT, LEGS
 from control.types import ForceEstimate
 
@@ -19,7 +17,8 @@ class ProjectingEstimator(ABC):
     """Base of the estimators that project a momentum residual on contact wrenches.
 
     Attributes:
-        unexplained: (28,) eps of eq. (9) at the last estimate, what no wrench explains of the residual that was projected.
+        unexplained: (28,) eps of eq. (9) at the last estimate, what no wrench explains of the residual that was projected;
+            the next estimate overwrites it.
     """
 
     def __init__(self, residual: MomentumResidual) -> None:
@@ -45,7 +44,7 @@ class ProjectingEstimator(ABC):
         """Forget the past; the next tick starts at rest equilibrium."""
         self._residual.reset()
         self._last = self._estimated_tick = None
-        self.unexplained = np.zeros(6 + JOINT_COUNT)
+        self.unexplained[:] = 0.0
 
     def observe(self, inputs: EstimatorInput) -> None:
         """Take in one 500 Hz tick."""
@@ -63,10 +62,9 @@ class ProjectingEstimator(ABC):
             return self._last
         self._estimated_tick = inputs.tick
         try:
-            if not math.isfinite(residual.sum()):
+            if not self._residual.finite:
                 raise WrenchProjectionError(None, "the residual is not finite")
-            heading = rotation_heading_to_world(inputs.base.rotation_base_to_world)
-            self._last = self._project(wrench_jacobian_in_heading(inputs.model, heading), residual)
+            self._last = self._project(inputs, residual)
         except WrenchProjectionError:
             if self._last is None:
                 raise
@@ -74,8 +72,8 @@ class ProjectingEstimator(ABC):
         return self._last
 
     @abstractmethod
-    def _project(self, jacobian: np.ndarray, residual: np.ndarray) -> ForceEstimate:
-        """The estimate from B^T (18, 28) with wrenches in heading and a finite r (28,).
+    def _project(self, inputs: EstimatorInput, residual: np.ndarray) -> ForceEstimate:
+        """The estimate at a tick with a finite r (28,); writes `unexplained`.
 
         Raises:
             WrenchProjectionError: no solution.
@@ -83,5 +81,5 @@ class ProjectingEstimator(ABC):
 
 
 def estimate_from_wrench(wrench: np.ndarray) -> ForceEstimate:
-    """The forces in a stacked wrench (18,) in heading, eq. (11)."""
-    return ForceEstimate(wrench[FORCE_ROWS].copy(), wrench[SUPPORT_ROWS].reshape(len(LEGS), 3).copy())
+    """The forces in a stacked wrench (18,) in heading, eq. (11), which they share the memory of."""
+    return ForceEstimate(wrench[FORCE_ROWS], wrench[SUPPORT_ROWS].reshape(len(LEGS), 3))

@@ -8,16 +8,23 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg.lapack import dgelsy, dposv
+from scipy.linalg.lapack import dgelsy
 
-from control.joints import ARM_SLICE, LEG_SLICE, LEGS, WHEEL_SLICE
+from control.compiled import kernel
+from control.joints import ARM_SLICE, JOINT_COUNT, LEG_SLICE, LEGS, WHEEL_SLICE
 from control.robot_model import WRENCH_SIZE, RobotModel
+from control.small_algebra import rotate_back, solve_positive
 
 SUPPORT_ROWS = slice(0, 3 * len(LEGS))
 FORCE_ROWS = slice(3 * len(LEGS), 3 * len(LEGS) + 3)
 MOMENT_ROWS = slice(3 * len(LEGS) + 3, WRENCH_SIZE)
 
 _RANK_TOLERANCE = 1e-10
+_FULL_RANK_PIVOT = 1e-3
+"""Smallest pivot of the Cholesky factor of B^T B, over the largest, with which the normal equations are exact enough."""
+
+_WHOLE = np.ones(6 + JOINT_COUNT)
+_FREE = np.zeros(WRENCH_SIZE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,10 +66,126 @@ class ProjectionWeights:
         return costs
 
 
-def wrench_jacobian_in_heading(model: RobotModel, rotation_heading_to_world: np.ndarray) -> np.ndarray:
-    """B^T (18, 28) whose wrench is in the heading frame."""
-    stacked = model.wrench_jacobian.reshape(WRENCH_SIZE // 3, 3, -1)
-    return np.matmul(rotation_heading_to_world.T, stacked).reshape(WRENCH_SIZE, -1)
+@kernel("void(f8[:,::1], f8[:,::1], f8[:,::1])")
+def wrench_jacobian_in_heading(jacobian: np.ndarray, rotation_heading_to_world: np.ndarray, turned: np.ndarray) -> None:
+    """B^T (18, 28) whose wrench is in the heading frame, into `turned`, from B^T in world axes."""
+    for part in range(0, WRENCH_SIZE, 3):
+        for row in range(jacobian.shape[1]):
+            x, y, z = rotate_back(rotation_heading_to_world, jacobian[part : part + 3, row])
+            turned[part, row], turned[part + 1, row], turned[part + 2, row] = x, y, z
+
+
+@kernel("void(matrix, vector, vector, vector, f8[:,::1], f8[::1])")
+def normal_equations(
+    jacobian: np.ndarray,
+    residual: np.ndarray,
+    rows: np.ndarray,
+    costs: np.ndarray,
+    hessian: np.ndarray,
+    right_side: np.ndarray,
+) -> None:
+    """Eq. (10) without its constraints: minimise 1/2 x^T H x - b^T x with H = B^T W_q^2 B + R and b = B^T W_q^2 r.
+
+    Args:
+        jacobian: (18, 28) B^T. Most of it is zero: a wheel loads its own leg and the base alone.
+        residual: (28,) r.
+        rows: (28,) diagonal of W_q.
+        costs: (18,) diagonal of R.
+        hessian: (18, 18) H, the result.
+        right_side: (18,) b, the result.
+    """
+    hessian[:] = 0.0
+    right_side[:] = 0.0
+    for row in range(len(residual)):
+        for i in range(len(costs)):
+            weighted = rows[row] * rows[row] * jacobian[i, row]
+            if weighted != 0.0:
+                right_side[i] += weighted * residual[row]
+                for j in range(i + 1):
+                    hessian[i, j] += weighted * jacobian[j, row]
+    for i in range(len(costs)):
+        hessian[i, i] += costs[i]
+        for j in range(i):
+            hessian[j, i] = hessian[i, j]
+
+
+@kernel("void(matrix, vector, vector, f8[::1])")
+def unexplained_residual(jacobian: np.ndarray, wrench: np.ndarray, residual: np.ndarray, unexplained: np.ndarray) -> None:
+    """eps = r - B x of eq. (9), (28,), into `unexplained`."""
+    unexplained[:] = residual
+    for i in range(len(wrench)):
+        for row in range(len(residual)):
+            unexplained[row] -= wrench[i] * jacobian[i, row]
+
+
+@kernel("void(f8[:,::1], f8[::1])")
+def turn_wrench(rotation_heading_to_world: np.ndarray, wrench: np.ndarray) -> None:
+    """Turn a stacked wrench (18,) from world axes into the heading frame, in place."""
+    for part in range(0, len(wrench), 3):
+        wrench[part], wrench[part + 1], wrench[part + 2] = rotate_back(rotation_heading_to_world, wrench[part : part + 3])
+
+
+@kernel("void(matrix, f8, f8[:,::1])")
+def project_on_friction_cone(forces: np.ndarray, friction: float, projected: np.ndarray) -> None:
+    """Nearest forces a wheel can feel: Euclidean projection on the cone |f_xy| <= mu f_z.
+
+    Args:
+        forces: (n, 3) N, z along the ground's normal.
+        friction: mu > 0.
+        projected: (n, 3) N, the results; may be `forces` itself.
+    """
+    for index in range(len(forces)):
+        x, y, z = forces[index, 0], forces[index, 1], forces[index, 2]
+        tangential = math.hypot(x, y)
+        if tangential > friction * z:
+            normal = max((friction * tangential + z) / (1.0 + friction * friction), 0.0)
+            shrink = friction * normal / tangential if normal > 0.0 else 0.0
+            x, y, z = x * shrink, y * shrink, normal
+        projected[index, 0], projected[index, 1], projected[index, 2] = x, y, z
+
+
+@kernel("b1(f8[:,::1], f8[::1], vector, vector, f8[::1], f8[::1])")
+def unconstrained_wrench(
+    jacobian: np.ndarray,
+    residual: np.ndarray,
+    rows: np.ndarray,
+    costs: np.ndarray,
+    wrench: np.ndarray,
+    unexplained: np.ndarray,
+) -> bool:
+    """Minimum of eq. (10) without its constraints, by Cholesky; False where H is not positive definite.
+
+    Args:
+        jacobian: (18, 28) B^T.
+        residual: (28,) r.
+        rows: (28,) diagonal of W_q.
+        costs: (18,) diagonal of R, positive.
+        wrench: (18,) x, the result.
+        unexplained: (28,) eps, the result.
+    """
+    hessian = np.empty((WRENCH_SIZE, WRENCH_SIZE))
+    normal_equations(jacobian, residual, rows, costs, hessian, wrench)
+    if not solve_positive(hessian, wrench):
+        return False
+    unexplained_residual(jacobian, wrench, residual, unexplained)
+    return True
+
+
+@kernel("b1(f8[:,::1], f8[::1], f8[::1])")
+def full_rank_wrench(jacobian: np.ndarray, residual: np.ndarray, wrench: np.ndarray) -> bool:
+    """x = B^# r by the normal equations; False where the columns of B depend on each other, or nearly so.
+
+    Args:
+        jacobian: (18, 28) B^T.
+        residual: (28,) r.
+        wrench: (18,) x, the result.
+    """
+    factor = np.empty((WRENCH_SIZE, WRENCH_SIZE))
+    normal_equations(jacobian, residual, _WHOLE, _FREE, factor, wrench)
+    if not solve_positive(factor, wrench):
+        return False
+    pivots = np.diag(factor)
+    return pivots.min() > _FULL_RANK_PIVOT * pivots.max()
 
 
 def pseudo_inverse_wrench(jacobian: np.ndarray, residual: np.ndarray) -> np.ndarray:
@@ -75,9 +198,11 @@ def pseudo_inverse_wrench(jacobian: np.ndarray, residual: np.ndarray) -> np.ndar
     Returns:
         (18,) x.
     """
-    right_side = residual[:, None]
+    wrench = np.empty(WRENCH_SIZE)
+    if full_rank_wrench(jacobian, residual, wrench):
+        return wrench
     pivots = np.zeros(WRENCH_SIZE, dtype=np.int32)
-    _, x, _, _, _ = dgelsy(jacobian.T, right_side, pivots, _RANK_TOLERANCE, lwork=600)
+    _, x, _, _, _ = dgelsy(jacobian.T, residual[:, None], pivots, _RANK_TOLERANCE, lwork=600)
     return x[:WRENCH_SIZE, 0]
 
 
@@ -86,63 +211,16 @@ class WrenchProblem:
     """One instance of eq. (10) as a quadratic form: minimise 1/2 x^T H x - b^T x.
 
     Attributes:
-        weighted_jacobian: (18, 28) B^T W_q.
-        hessian: (18, 18) H = B^T W_q^2 B + R, positive definite.
-        right_side: (18,) b = B^T W_q^2 r.
+        hessian: (18, 18) H, positive definite.
+        right_side: (18,) b.
     """
 
-    weighted_jacobian: np.ndarray
     hessian: np.ndarray
     right_side: np.ndarray
 
 
 def build_wrench_problem(jacobian: np.ndarray, residual: np.ndarray, rows: np.ndarray, costs: np.ndarray) -> WrenchProblem:
-    """Assemble eq. (10) without its constraints.
-
-    Args:
-        jacobian: (18, 28) B^T.
-        residual: (28,) r.
-        rows: (28,) diagonal of W_q.
-        costs: (18,) diagonal of R, positive.
-    """
-    weighted = jacobian * rows
-    hessian = weighted @ weighted.T
-    hessian.flat[:: WRENCH_SIZE + 1] += costs
-    return WrenchProblem(weighted, hessian, weighted @ (rows * residual))
-
-
-def solve_positive_definite(hessian: np.ndarray, right_side: np.ndarray) -> np.ndarray:
-    """H^-1 b by Cholesky, without the overhead of numpy's checks; `right_side` is (18,) or (18, k).
-
-    Raises:
-        numpy.linalg.LinAlgError: H is not positive definite.
-    """
-    _, x, info = dposv(hessian, right_side)
-    if info != 0:
-        raise np.linalg.LinAlgError(f"H is not positive definite (dposv info {info}); every cost in R must be positive")
-    return x
-
-
-def project_on_friction_cone(forces: np.ndarray, friction: float) -> np.ndarray:
-    """Nearest forces a wheel can feel: Euclidean projection on the cone |f_xy| <= mu f_z.
-
-    Args:
-        forces: (n, 3) N, z along the ground's normal.
-        friction: mu > 0.
-
-    Returns:
-        (n, 3) N.
-    """
-    # Plain floats: for four wheels they beat arrays.
-    projected = []
-    for x, y, z in forces.tolist():
-        tangential = math.hypot(x, y)
-        if tangential <= friction * z:
-            projected.append((x, y, z))
-        elif friction * tangential <= -z:
-            projected.append((0.0, 0.0, 0.0))
-        else:
-            normal = (friction * tangential + z) / (1.0 + friction * friction)
-            shrink = friction * normal / tangential
-            projected.append((x * shrink, y * shrink, normal))
-    return np.array(projected)
+    """Eq. (10) without its constraints, see `normal_equations`."""
+    problem = WrenchProblem(np.empty((WRENCH_SIZE, WRENCH_SIZE)), np.empty(WRENCH_SIZE))
+    normal_equations(jacobian, residual, rows, costs, problem.hessian, problem.right_side)
+    return problem

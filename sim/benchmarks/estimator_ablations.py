@@ -8,14 +8,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from control.estimation.adaptive_estimator import AdaptiveConfig, AdaptiveEstimator
+from control.estimation.force_estimator import EstimatorInput
 from control.estimation.gmo_estimators import GmoConstrained
 from control.estimation.model_adaptation import ModelAdaptationConfig
 from control.estimation.momentum_observer import FAST_GAINS, PAPER_GAINS, SLOPE_GAINS, ObserverGains
 from control.estimation.momentum_residual import MomentumResidual
 from control.estimation.projecting_estimator import ProjectingEstimator, estimate_from_wrench
 from control.estimation.registry import EstimatorsConfig
-from control.estimation.wrench_projection import ProjectionWeights, build_wrench_problem, solve_positive_definite
-from control.robot_model import RobotModel
+from control.estimation.wrench_projection import ProjectionWeights, turn_wrench, unconstrained_wrench
+from control.estimation.wrench_qp import WrenchProjectionError
+from control.frames import rotation_heading_to_world
+from control.robot_model import WRENCH_SIZE, RobotModel
 from control.types import ForceEstimate
 
 _NO_SPREAD = 1e-4
@@ -104,6 +107,10 @@ class _GmoUnconstrained(ProjectingEstimator):
         self._rows = weights.rows(model)
         self._costs = weights.costs()
 
-    def _project(self, jacobian: np.ndarray, residual: np.ndarray) -> ForceEstimate:
-        problem = build_wrench_problem(jacobian, residual, self._rows, self._costs)
-        return estimate_from_wrench(solve_positive_definite(problem.hessian, problem.right_side))
+    def _project(self, inputs: EstimatorInput, residual: np.ndarray) -> ForceEstimate:
+        wrench = np.empty(WRENCH_SIZE)
+        jacobian = inputs.model.wrench_jacobian
+        if not unconstrained_wrench(jacobian, residual, self._rows, self._costs, wrench, self.unexplained):
+            raise WrenchProjectionError(None, "H is not positive definite")
+        turn_wrench(rotation_heading_to_world(inputs.base.rotation_base_to_world), wrench)
+        return estimate_from_wrench(wrench)

@@ -190,6 +190,7 @@ def test_an_unsolved_program_is_stale_and_never_zero() -> None:
     robot.force = FORCE
     constrained = make(robot)["gmo_cqp"]
     assert isinstance(constrained, GmoConstrained)
+    robot.base_wrench[0] = 300.0  # more than the wheels' friction holds
     run(robot, {"gmo_cqp": constrained}, 2.0)
     good = constrained.estimate()
     constrained._solver = WrenchSolver(ContactConstraints(), max_iterations=1)

@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+import quadprog
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import lsq_linear, minimize
@@ -17,7 +18,8 @@ from control.estimation.wrench_projection import (
     build_wrench_problem,
     project_on_friction_cone,
     pseudo_inverse_wrench,
-    solve_positive_definite,
+    turn_wrench,
+    unconstrained_wrench,
     wrench_jacobian_in_heading,
 )
 from control.estimation.wrench_qp import ContactConstraints, FrictionCone, WrenchProjectionError, WrenchSolver
@@ -33,8 +35,15 @@ STANDING = np.array([3.0, 1, 50, 2, -1, 55, 0, 2, 60, -2, 0, 52, 5, -4, 12, 0, 0
 def jacobian_at(seed: int) -> np.ndarray:
     rng = np.random.default_rng(seed)
     position = NOMINAL_POSITION + 0.2 * rng.normal(size=JOINT_COUNT)
-    MODEL.update(np.eye(3), position, np.zeros(3), np.zeros(3), np.zeros(JOINT_COUNT))
-    return wrench_jacobian_in_heading(MODEL, np.eye(3))
+    MODEL.update_configuration(np.eye(3), position)
+    return MODEL.wrench_jacobian.copy()
+
+
+def regularised_wrench(jacobian: np.ndarray, residual: np.ndarray, costs: np.ndarray = COSTS) -> np.ndarray:
+    wrench, unexplained = np.empty(WRENCH_SIZE), np.empty(28)
+    assert unconstrained_wrench(jacobian, residual, ROWS, costs, wrench, unexplained)
+    np.testing.assert_allclose(unexplained, residual - wrench @ jacobian, atol=1e-10)
+    return wrench
 
 
 def hard_problem(seed: int, scale_n: float = 40.0) -> WrenchProblem:
@@ -69,7 +78,14 @@ def test_wrenches_in_heading_do_not_depend_on_the_yaw_of_the_world() -> None:
         c, s = np.cos(yaw), np.sin(yaw)
         heading = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1.0]])
         MODEL.update_configuration(heading, position)
-        jacobians.append(wrench_jacobian_in_heading(MODEL, heading).copy())
+        turned = np.empty((WRENCH_SIZE, 28))
+        wrench_jacobian_in_heading(MODEL.wrench_jacobian, heading, turned)
+        jacobians.append(turned)
+        in_world, in_heading = STANDING.reshape(-1, 3) @ heading.T, STANDING.copy()
+        np.testing.assert_allclose(MODEL.wrench_jacobian.T @ in_world.ravel(), turned.T @ in_heading, atol=1e-9)
+        back = in_world.ravel()
+        turn_wrench(heading, back)
+        np.testing.assert_allclose(back, in_heading, atol=1e-12)
     np.testing.assert_allclose(jacobians[0], jacobians[1], atol=1e-12)
 
 
@@ -77,24 +93,27 @@ def test_wrenches_in_heading_do_not_depend_on_the_yaw_of_the_world() -> None:
 def test_regularised_least_squares_is_the_stacked_problem(seed: int) -> None:
     rng = np.random.default_rng(seed)
     jacobian, residual = jacobian_at(seed), 30 * rng.normal(size=28)
-    problem = build_wrench_problem(jacobian, residual, ROWS, COSTS)
     stacked = np.vstack([ROWS[:, None] * jacobian.T, np.diag(np.sqrt(COSTS))])
     expected = np.linalg.lstsq(stacked, np.concatenate([ROWS * residual, np.zeros(WRENCH_SIZE)]), rcond=None)[0]
-    np.testing.assert_allclose(solve_positive_definite(problem.hessian, problem.right_side), expected, atol=1e-7)
+    np.testing.assert_allclose(regularised_wrench(jacobian, residual), expected, atol=1e-7)
 
 
 def test_a_hessian_that_is_not_positive_definite_is_refused() -> None:
-    with pytest.raises(np.linalg.LinAlgError, match="positive definite"):
-        solve_positive_definite(-np.eye(3), np.ones(3))
+    jacobian = jacobian_at(0)
+    wrench, unexplained = np.empty(WRENCH_SIZE), np.empty(28)
+    assert not unconstrained_wrench(jacobian, np.ones(28), ROWS, -np.ones(WRENCH_SIZE), wrench, unexplained)
+    with pytest.raises(WrenchProjectionError, match="positive definite"):
+        WrenchSolver(ContactConstraints()).solve(WrenchProblem(-np.eye(WRENCH_SIZE), np.ones(WRENCH_SIZE)))
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_every_projection_recovers_a_feasible_wrench(seed: int) -> None:
     jacobian = jacobian_at(seed)
     residual = jacobian.T @ STANDING
-    problem = build_wrench_problem(jacobian, residual, ROWS, ProjectionWeights(support_cost=1e-9, force_cost=1e-9).costs())
+    costs = ProjectionWeights(support_cost=1e-9, force_cost=1e-9).costs()
+    problem = build_wrench_problem(jacobian, residual, ROWS, costs)
     np.testing.assert_allclose(pseudo_inverse_wrench(jacobian, residual), STANDING, atol=1e-8)
-    np.testing.assert_allclose(solve_positive_definite(problem.hessian, problem.right_side), STANDING, atol=1e-2)
+    np.testing.assert_allclose(regularised_wrench(jacobian, residual, costs), STANDING, atol=1e-2)
     for cone in FrictionCone:
         x, _ = WrenchSolver(ContactConstraints(cone=cone)).solve(problem)
         np.testing.assert_allclose(x, STANDING, atol=1e-2)
@@ -104,8 +123,7 @@ def test_moment_prior_explains_a_moment_by_a_force() -> None:
     jacobian = jacobian_at(1)
     wrench = STANDING.copy()
     wrench[MOMENT_ROWS] = [0.3, -0.2, 0.1]
-    problem = build_wrench_problem(jacobian, jacobian.T @ wrench, ROWS, COSTS)
-    x = solve_positive_definite(problem.hessian, problem.right_side)
+    x = regularised_wrench(jacobian, jacobian.T @ wrench)
     assert np.abs(x[MOMENT_ROWS]).max() < 0.02 * 0.3
     np.testing.assert_allclose(x[FORCE_ROWS], wrench[FORCE_ROWS], atol=2.0)
 
@@ -125,6 +143,27 @@ def test_solution_satisfies_the_kkt_conditions(cone: FrictionCone, seed: int) ->
     else:
         multipliers = z.reshape(-1, 3)
         assert (np.hypot(multipliers[:, 1], multipliers[:, 2]) <= multipliers[:, 0] + 1e-6 * scale).all()
+
+
+@pytest.mark.parametrize("scale_n", [5.0, 40.0, 500.0])
+@pytest.mark.parametrize("seed", range(10))
+def test_the_objective_is_the_optimum(seed: int, scale_n: float) -> None:
+    problem, constraints = hard_problem(seed, scale_n), ContactConstraints()
+    matrix = constraints.matrix()
+    x, _ = WrenchSolver(constraints).solve(problem)
+    _, optimum, *_ = quadprog.solve_qp(problem.hessian, problem.right_side, -matrix.T, np.zeros(len(matrix)))
+    objective = 0.5 * x @ problem.hessian @ x - problem.right_side @ x
+    assert objective - optimum <= 1e-8 + 1e-11 * abs(optimum)
+
+
+def test_a_minimum_within_the_cones_is_the_answer_with_no_multiplier() -> None:
+    jacobian = jacobian_at(2)
+    problem = build_wrench_problem(jacobian, jacobian.T @ STANDING, ROWS, COSTS)
+    for cone in FrictionCone:
+        x, z = WrenchSolver(ContactConstraints(cone=cone)).solve(problem)
+        np.testing.assert_allclose(problem.hessian @ x, problem.right_side, rtol=1e-9, atol=1e-9)
+        assert ContactConstraints(cone=cone).violation_n(x) == 0.0
+        np.testing.assert_array_equal(z, 0.0)
 
 
 def solve_pyramid_by_generators(problem: WrenchProblem, constraints: ContactConstraints) -> np.ndarray:
@@ -208,7 +247,7 @@ def test_an_unsolved_problem_raises_with_the_problem() -> None:
     with pytest.raises(WrenchProjectionError, match="unsolved") as caught:
         WrenchSolver(ContactConstraints(), max_iterations=2).solve(problem)
     assert caught.value.problem is problem
-    poisoned = WrenchProblem(problem.weighted_jacobian, problem.hessian, problem.right_side * np.nan)
+    poisoned = WrenchProblem(problem.hessian, problem.right_side * np.nan)
     with pytest.raises(WrenchProjectionError, match="finite"):
         WrenchSolver(ContactConstraints()).solve(poisoned)
 
@@ -230,7 +269,8 @@ def test_cone_projection_is_the_nearest_feasible_force(
     force: tuple[float, float, float], friction: float, angle: float, reach: float, normal: float
 ) -> None:
     asked = np.array([force])
-    nearest = project_on_friction_cone(asked, friction)
+    nearest = np.empty((1, 3))
+    project_on_friction_cone(asked, friction, nearest)
     assert np.hypot(nearest[0, 0], nearest[0, 1]) <= friction * nearest[0, 2] + 1e-9
     feasible = normal * np.array([reach * friction * np.cos(angle), reach * friction * np.sin(angle), 1.0])
     assert np.linalg.norm(asked - nearest) <= np.linalg.norm(asked - feasible) + 1e-9
