@@ -14,9 +14,9 @@ from control.joints import JOINT_NAMES, LEGS
 from control.types import Command
 from server.answers.command import CommandAnswer, CommandFields
 from server.answers.state import Base, Contact, Drive, EndEffector, Joints, Loop
-from server.silence import NO_SILENCE, SILENCE_WORDS, Silence
+from server.silence import NO_SILENCE, Silence
 from sim.backends.hardware.states import DriveState
-from sim.runtime.fault_words import drive_fault_words, fault_words, message
+from sim.runtime.fault_words import SILENCE_WORDS, drive_fault_words, fault_words, message
 from sim.runtime.snapshot import Mode, on_hardware
 
 

@@ -6,9 +6,8 @@ from control.faults import Fault
 from control.joints import JOINT_NAMES, LEGS
 from server.answers.command import CommandFields
 from server.answers.schema import Answer, OneOf, PerJoint, Quaternion, Vector3, names_of
-from server.silence import CONTROL_PROCESS_DEAD, CONTROL_PROCESS_SILENT
 from sim.backends.hardware.states import DriveState
-from sim.runtime.fault_words import BACKEND_FAILED, LOOP_OVERRUNS
+from sim.runtime.fault_words import BACKEND_FAILED, CONTROL_PROCESS_DEAD, CONTROL_PROCESS_SILENT, LOOP_OVERRUNS
 from sim.runtime.snapshot import Mode
 
 _FAULTS = OneOf(
