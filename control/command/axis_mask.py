@@ -5,8 +5,8 @@ met something: until then the hand moves towards contact under velocity control.
 force control by this share.
 """
 
-from control.compiled import kernel
-from control.small_algebra import clip
+from control.kernels.compiled import kernel
+from control.kernels.small_algebra import clip
 
 
 @kernel("f8(f8, f8, f8, f8, f8)")
