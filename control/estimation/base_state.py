@@ -80,7 +80,8 @@ def middle(a: float, b: float, c: float, d: float) -> float:
 
 
 @kernel(
-    "Tuple((b1, f8))(f8[:,::1], f8[::1], vector, vector, f8[:,::1], f8[:,::1], f8[::1], b1, Config[::1], f8[::1], f8[::1], f8[::1])",
+    "Tuple((b1, f8))(f8[:,::1], f8[::1], vector, vector, f8[:,::1], f8[:,::1], f8[::1], b1,"
+    " Config[::1], f8[::1], f8[::1], f8[::1])",
     Config=BASE_STATE,
 )
 def complementary_filter(

@@ -77,11 +77,12 @@ class WheelOdometry:
         yaw = math.atan2(heading_to_world[1, 0], heading_to_world[0, 0])
         if self._start_yaw_rad is None:
             self._start_yaw_rad = self._last_yaw_rad = yaw
-        turned = math.remainder(yaw - self._last_yaw_rad, math.tau)
-        self._last_yaw_rad = yaw
-        self._yaw_rad += turned
         middle_rolling_velocity(self._model.wrench_jacobian, self._model.velocity, self._velocity)
         x, y = TICK_S * self._velocity[0], TICK_S * self._velocity[1]
+        if not math.isfinite(x + y):
+            x = y = 0.0  # one frame that is lost, of many
+        self._yaw_rad += math.remainder(yaw - self._last_yaw_rad, math.tau)
+        self._last_yaw_rad = yaw
         c, s = math.cos(self._start_yaw_rad), math.sin(self._start_yaw_rad)
         self._position[0] += c * x + s * y
         self._position[1] += c * y - s * x
