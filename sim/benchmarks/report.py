@@ -14,7 +14,7 @@ from typing import Any
 
 from control.provenance import commit, machine
 
-Row = dict[str, str | int | float | bool | None]
+Row = dict[str, str | int | float | bool | list[float] | list[str] | None]
 
 
 @dataclass(frozen=True, slots=True)

@@ -58,6 +58,11 @@ class GroundTruthReader:
         """Lowest points (4, 3) m, in world, of the wheels, with or without contact."""
         return lowest_points(self._data.geom_xpos[self._wheel_geoms], self._geom_axis_y[self._wheel_geoms])
 
+    def touches_itself(self) -> bool:
+        """Whether two bodies of the robot press on each other."""
+        contact = self._data.contact
+        return bool((self._is_robot[contact.geom].all(1) & (contact.dist < 0.0)).any())
+
     def _remove_self_contact(self, forces: np.ndarray) -> None:
         """Take contacts of the robot with itself out of `forces` (5, 3) in world: they are not the environment's."""
         contact = self._data.contact

@@ -80,6 +80,10 @@ class MujocoBackend:
         torque -= free * command.damping * (data.qvel[self._dofs] - velocity_before)
         self._sense(torque)
 
+    def touches_itself(self) -> bool:
+        """Whether two bodies of the robot press on each other, for evaluation."""
+        return self._truth.touches_itself()
+
     def truth(self) -> GroundTruth:
         """Ground truth at the end of the last tick; forces are those that acted during it."""
         self._require_open()
