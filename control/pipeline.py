@@ -248,7 +248,9 @@ class Pipeline:
             self._controller_reset_due = True
         limits = self.config.limits
         command = clip_command(self._guidance.step(command, hand, CONTROL_PERIOD_S), limits)
-        share = feasible_force_scale(command.mask * command.force_n, self.model, heading, limits.tip_over_margin_m)
+        # A led hand asks for no force of its own: with less it would give way to the pull, not bear less of it.
+        asked = np.zeros(3) if command.guidance else command.mask * command.force_n
+        share = feasible_force_scale(asked, self.model, heading, limits.tip_over_margin_m)
         # Where the drives damp, nothing of the command acts that could be limited.
         self._limited = Fault.TIP_OVER_LIMIT if share < 1.0 and self._safety.in_control else Fault.NONE
         self._applied = self._filter.step(replace(command, force_n=share * command.force_n), hand, CONTROL_PERIOD_S)

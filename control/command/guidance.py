@@ -34,6 +34,7 @@ class GuidanceConfig:
         centring_stiffness: N/m of the soft spring near the comfortable place: 4 N at 10 cm.
         stretch_m: distance beyond which the spring stiffens.
         stretch_stiffness: N/m beyond it, so that 15 N stretch the arm by less than 20 cm.
+        end_m, end_stiffness: the same again, so that 40 N stretch it by less than 30 cm: farther the robot could not bear them.
         glide_mps: speed at which the spring's rest position moves from where guidance began to the comfortable place.
     """
 
@@ -46,6 +47,8 @@ class GuidanceConfig:
     centring_stiffness: float = 40.0
     stretch_m: float = 0.10
     stretch_stiffness: float = 150.0
+    end_m: float = 0.18
+    end_stiffness: float = 400.0
     glide_mps: float = 0.15
 
 
@@ -73,12 +76,13 @@ def base_velocity(config: np.record, force_n: np.ndarray, out: np.ndarray) -> No
 def centring_force(config: np.record, displacement_m: np.ndarray, out: np.ndarray) -> None:
     """Force (3,), N, at which the hand rests when led by a displacement (3,), m, from the spring's rest position.
 
-    f = k d up to the stretch s, from there on (k s + k_s (|d| - s)) d / |d|.
+    f = k d up to the stretch s, from there on (k s + k_s (|d| - s)) d / |d|, and beyond the end e with k_e (|d| - e) more.
     """
     distance = math.sqrt(displacement_m[0] ** 2 + displacement_m[1] ** 2 + displacement_m[2] ** 2)
     factor = config.centring_stiffness
     if distance > config.stretch_m:
         beyond = config.stretch_stiffness * (distance - config.stretch_m)
+        beyond += config.end_stiffness * max(0.0, distance - config.end_m)
         factor = (config.centring_stiffness * config.stretch_m + beyond) / distance
     for i in range(3):
         out[i] = factor * displacement_m[i]

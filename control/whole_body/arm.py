@@ -6,6 +6,7 @@ A Jacobian-transpose spring of the same stiffness is unstable on the wrist at 50
 every joint the same bandwidth K_v.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +14,7 @@ import numpy as np
 from control.joints import ARM_SLICE, DAMPING, STIFFNESS, TORQUE_LIMIT
 from control.kernels.compiled import kernel
 from control.kernels.records import config_record
-from control.kernels.small_algebra import clip, rotate, rotate_back, solve_positive
+from control.kernels.small_algebra import Triple, clip, rotate, rotate_back, solve_positive
 from control.whole_body.body_terms import BODY_TERMS
 from control.whole_body.reference_correction import CORRECTION
 from control.whole_body.task_memory import TASK_MEMORY
@@ -41,6 +42,13 @@ class ArmConfig:
         force_integral_gain: 1/s.
         force_error_limit_n: force errors beyond it add no more.
         force_velocity_feedback: share of the hand's velocity that force axes do not brake; below 1 the hand is damped.
+        yield_speed_mps: a hand that yields faster is braked by what it is faster, and out of the workspace by all its speed.
+        brake_nspm: N s/m, by which.
+        yield_x_m, yield_y_m, yield_z_m: box in heading within which a hand that is asked for no force yields: where the wheels
+            stand wide enough for a firm pull, and the arm does not come near the robot.
+        border_m: how far beyond the border of the workspace a force axis has become a position axis that holds the border.
+        border_load_limit_n: of the estimated force that such an axis carries.
+        border_stiffness: N/m, besides, of the way back.
         contact_share: of the commanded force, estimated, that counts as contact; less a noise of contact_noise_n. Until then
             a force axis moves towards contact under velocity control.
         contact_noise_n: smaller commanded forces need no contact.
@@ -64,6 +72,14 @@ class ArmConfig:
     force_integral_gain: float = 5.0
     force_error_limit_n: float = 8.0
     force_velocity_feedback: float = 0.5
+    yield_speed_mps: float = 0.4
+    brake_nspm: float = 60.0
+    yield_x_m: tuple[float, float] = (0.42, 0.74)
+    yield_y_m: tuple[float, float] = (-0.25, 0.25)
+    yield_z_m: tuple[float, float] = (0.32, 0.80)
+    border_m: float = 0.05
+    border_load_limit_n: float = 40.0
+    border_stiffness: float = 600.0
     contact_share: float = 0.3
     contact_noise_n: float = 1.0
     approach_gain: float = 0.03
@@ -73,12 +89,61 @@ class ArmConfig:
     limit_margin_rad: float = 0.1
 
 
-ARM = config_record(ArmConfig(), lower=6, upper=6, workspace=(2, 3))
-"""The numbers of ArmConfig, the ends of the joints (rad), and the box that the hand does not leave by itself (m)."""
+ARM = config_record(ArmConfig(), lower=6, upper=6, workspace=(2, 3), shoulder=3, reach=())
+"""The numbers of ArmConfig, the ends of the joints (rad), and what bounds the workspace: the corners of a box, and a sphere
+around the shoulder (m, in heading)."""
+
+
+@kernel("void(Arm, vector, vector, f8[:])", Arm=ARM)
+def way_back(arm: np.record, force_n: np.ndarray, hand_position: np.ndarray, back: np.ndarray) -> None:
+    """Way (3,) m, in heading, from the hand to the border of its workspace, or of where it yields; zero inside.
+
+    Args:
+        force_n: (3,) N, asked for; an axis that is asked for none yields in a smaller box.
+        hand_position: (3,) m, in heading.
+        back: (3,) the result.
+    """
+    distance = 0.0
+    for i in range(3):
+        distance += (hand_position[i] - arm.shoulder[i]) ** 2
+    distance = math.sqrt(distance)
+    stretched = max(0.0, distance - arm.reach) / max(distance, 1e-9)
+    for i in range(3):
+        lower, upper = arm.workspace[0, i], arm.workspace[1, i]
+        if force_n[i] == 0.0:
+            yielding = arm.yield_x_m if i == 0 else arm.yield_y_m if i == 1 else arm.yield_z_m
+            lower, upper = yielding[0], yielding[1]
+        inside = clip(hand_position[i], lower, upper)
+        back[i] = inside - hand_position[i] - stretched * (hand_position[i] - arm.shoulder[i])
+
+
+@kernel("f8(f8, f8, f8)")
+def border_hold(back_m: float, force_estimated_n: float, border_m: float) -> float:
+    """Share, 0 to 1, by which an axis holds the border of the workspace: none inside, and none where a contact is pressed on.
+
+        clip(|back| / border, 0, 1) clip(1 - f_hat sign(back) / 2 N, 0, 1)
+
+    Args:
+        back_m: way back to the border along the axis, signed.
+        force_estimated_n: f_hat, on the hand; a load that pushes back to the border needs no holding.
+        border_m: beyond which the axis holds wholly.
+    """
+    inwards = force_estimated_n if back_m > 0.0 else -force_estimated_n
+    return min(1.0, abs(back_m) / border_m) * clip(1.0 - inwards / 2.0, 0.0, 1.0)
+
+
+@kernel("UniTuple(f8, 3)(Terms, Signals)", Terms=BODY_TERMS, Signals=TASK_SIGNALS)
+def _velocity_from_arm(terms: np.record, signals: np.record) -> Triple:
+    """Velocity of the hand, m/s, in heading, that the arm's joints alone give it."""
+    velocity = np.zeros(3)
+    for i in range(3):
+        for joint in range(6):
+            velocity[i] += terms.hand_jacobian[i, joint] * signals.joint_velocity[_FIRST + joint]
+    return rotate_back(terms.rotation_heading_to_world, velocity)
 
 
 @kernel(
-    "void(Arm, Terms, Signals, Memory, Correction, vector, f8[:])",
+    "void(Arm, Terms, Signals, Memory, Correction, vector, vector, f8[:])",
     Arm=ARM,
     Terms=BODY_TERMS,
     Signals=TASK_SIGNALS,
@@ -92,6 +157,7 @@ def _reference_twist(
     memory: np.record,
     correction: np.record,
     force_share: np.ndarray,
+    back: np.ndarray,
     twist: np.ndarray,
 ) -> None:
     """Hand twist (6,), world-aligned, that the arm should add to the base's motion.
@@ -103,11 +169,7 @@ def _reference_twist(
     # The heading frame follows the base over the ground but not its tilting and heaving: the arm takes those out.
     heave = rate[0] * hand[1] - rate[1] * hand[0] + signals.base_linear_velocity[2]
     rocking = rotate_back(heading, np.array([rate[1] * hand[2], -rate[0] * hand[2], heave]))
-    from_arm = np.zeros(3)
-    for i in range(3):
-        for joint in range(6):
-            from_arm[i] += terms.hand_jacobian[i, joint] * signals.joint_velocity[_FIRST + joint]
-    arm_velocity = rotate_back(heading, from_arm)
+    arm_velocity = _velocity_from_arm(terms, signals)
 
     linear, turn = np.empty(3), np.empty(3)
     for i in range(3):
@@ -118,7 +180,7 @@ def _reference_twist(
         # Where nothing is met, the search ends at the border of the workspace.
         to_lower = arm.position_gain * (arm.workspace[0, i] - signals.hand_position[i])
         to_upper = arm.position_gain * (arm.workspace[1, i] - signals.hand_position[i])
-        approach = clip(approach, to_lower, to_upper)
+        approach = clip(approach, to_lower, to_upper) if back[i] == 0.0 else arm.position_gain * back[i]
         motion = (1.0 - command.mask[i]) * (tracking + correction.hand_velocity[i]) + command.mask[i] * approach
         yielding = arm.force_velocity_feedback * arm_velocity[i]
         linear[i] = (1.0 - force_share[i]) * motion + force_share[i] * yielding
@@ -158,7 +220,7 @@ def _resolve(arm: np.record, terms: np.record, signals: np.record, twist: np.nda
 
 
 @kernel(
-    "UniTuple(f8, 3)(Arm, Terms, Signals, Memory, Correction, vector)",
+    "UniTuple(f8, 3)(Arm, Terms, Signals, Memory, Correction, vector, vector)",
     Arm=ARM,
     Terms=BODY_TERMS,
     Signals=TASK_SIGNALS,
@@ -172,6 +234,7 @@ def _hand_force(
     memory: np.record,
     correction: np.record,
     force_share: np.ndarray,
+    back: np.ndarray,
 ) -> tuple[float, float, float]:
     """Force, N, world-aligned, that the hand shall exert on the environment.
 
@@ -179,13 +242,19 @@ def _hand_force(
     integral of the position error asks for.
     """
     command, force = signals.command, np.empty(3)
+    arm_velocity = _velocity_from_arm(terms, signals)
     for i in range(3):
         error = signals.force_estimated_n[i] - command.force_n[i]
         near = clip(error, -arm.force_error_limit_n, arm.force_error_limit_n)
         regulation = arm.force_gain * near + arm.force_integral_gain * memory.force_integral[i] - command.force_n[i]
-        load = clip(arm.load_gain * signals.force_estimated_n[i], -arm.load_limit_n, arm.load_limit_n)
+        holding = command.mask[i] if back[i] != 0.0 else 0.0
+        most = (1.0 - holding) * arm.load_limit_n + holding * arm.border_load_limit_n
+        load = clip(arm.load_gain * signals.force_estimated_n[i], -most, most)
+        free = arm.yield_speed_mps * force_share[i]
+        brake = arm.brake_nspm * (arm_velocity[i] - clip(arm_velocity[i], -free, free))
         force[i] = (
-            force_share[i] * (regulation + correction.hand_force[i])
+            command.mask[i] * (arm.border_stiffness * (1.0 - force_share[i]) * back[i] - brake)
+            + force_share[i] * (regulation + correction.hand_force[i])
             - (1.0 - force_share[i]) * load
             + arm.integral_gain * memory.position_integral[i]
         )
@@ -193,7 +262,7 @@ def _hand_force(
 
 
 @kernel(
-    "void(Arm, Terms, Signals, Memory, Correction, vector, f8[:])",
+    "void(Arm, Terms, Signals, Memory, Correction, vector, vector, f8[:])",
     Arm=ARM,
     Terms=BODY_TERMS,
     Signals=TASK_SIGNALS,
@@ -207,13 +276,19 @@ def arm_targets(
     memory: np.record,
     correction: np.record,
     force_share: np.ndarray,
+    back: np.ndarray,
     out: np.ndarray,
 ) -> None:
-    """Position targets (6,), rad, that carry the torque of the law above; `force_share` (3,) is the mask law's."""
+    """Position targets (6,), rad, that carry the torque of the law above.
+
+    Args:
+        force_share: (3,) of the mask law, less what the border holds.
+        back: (3,) of `way_back`.
+    """
     twist, velocity = np.empty(6), np.empty(6)
-    _reference_twist(arm, terms, signals, memory, correction, force_share, twist)
+    _reference_twist(arm, terms, signals, memory, correction, force_share, back, twist)
     _resolve(arm, terms, signals, twist, velocity)
-    force = _hand_force(arm, terms, signals, memory, correction, force_share)
+    force = _hand_force(arm, terms, signals, memory, correction, force_share, back)
     for i in range(6):
         joint = _FIRST + i
         torque = terms.gravity_torque[joint] + DAMPING[joint] * velocity[i]

@@ -15,7 +15,7 @@ from control.kernels.compiled import kernel
 from control.kernels.records import packed, record
 from control.kernels.small_algebra import rotate
 from control.robot_model import RobotModel
-from control.whole_body.arm import ARM, ArmConfig, arm_targets
+from control.whole_body.arm import ARM, ArmConfig, arm_targets, border_hold, way_back
 from control.whole_body.body_terms import BODY_TERMS, body_terms
 from control.whole_body.controller import ControllerInput
 from control.whole_body.legs import LEG_STATE, LEGS, LegConfig, ground_forces, leg_targets
@@ -62,12 +62,14 @@ def _targets(
 ) -> None:
     """Joint targets (22,) of one robot, see `Controller.step`."""
     arm, command = gains.arm, signals.command
-    share, expected, hand_force = np.empty(3), np.empty(3), np.empty(3)
+    share, back, hand_force = np.empty(3), np.empty(3), np.empty(3)
+    way_back(arm, command.force_n, signals.hand_position, back)
     for i in range(3):
         estimated = signals.force_estimated_n[i]
         share[i] = force_share(command.mask[i], command.force_n[i], estimated, arm.contact_share, arm.contact_noise_n)
-        expected[i] = share[i] * command.force_n[i] + (1.0 - share[i]) * estimated
-    hand_force[0], hand_force[1], hand_force[2] = rotate(terms.rotation_heading_to_world, expected)
+        share[i] *= 1.0 - border_hold(back[i], estimated, arm.border_m)
+    # The legs prepare for what is felt: a hand that is pulled while no force is asked for loads them all the same.
+    hand_force[0], hand_force[1], hand_force[2] = rotate(terms.rotation_heading_to_world, signals.force_estimated_n)
     forces, posture, wheel_torque = np.empty((4, 3)), np.empty(12), np.empty(4)
     ground_forces(gains.legs, terms, signals, hand_force, forces)
     shifted_posture(gains.stance, terms, forces, state.stance, posture)
@@ -75,7 +77,7 @@ def _targets(
     shift = state.stance.shift_velocity[0]
     wheels = out[12:16]
     wheel_targets(gains.wheels, terms, signals, memory, correction, wheel_torque, support, shift, state.wheels, wheels)
-    arm_targets(arm, terms, signals, memory, correction, share, out[16:])
+    arm_targets(arm, terms, signals, memory, correction, share, back, out[16:])
 
 
 @kernel(
@@ -115,6 +117,8 @@ class ModelBasedLaw:
                 lower=model.position_lower[ARM_SLICE],
                 upper=model.position_upper[ARM_SLICE],
                 workspace=np.transpose([limits.position_x_m, limits.position_y_m, limits.position_z_m]),
+                shoulder=limits.shoulder_m,
+                reach=limits.reach_m,
             ),
             legs=packed(LEGS, config.legs, total_mass=model.total_mass),
             stance=stance_record(config.stance, model),
