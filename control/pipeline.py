@@ -20,7 +20,7 @@ import numpy as np
 from control.command.filter import CommandFilter
 from control.command.guidance import Guidance, GuidanceConfig
 from control.command.limits import DEFAULT_COMMAND, CommandLimits, HandState, clip_command
-from control.command.tip_over import feasible_force_scale
+from control.command.tip_over import feasible_force_scale, relief_velocity
 from control.estimation.base_state import BaseStateConfig, BaseStateEstimator
 from control.estimation.force_estimator import EstimatorInput, ForceEstimator, require_sound
 from control.estimation.odometry import OdometryConfig, WheelOdometry
@@ -247,7 +247,12 @@ class Pipeline:
             self._filter.reset()
             self._controller_reset_due = True
         limits = self.config.limits
-        command = clip_command(self._guidance.step(command, hand, CONTROL_PERIOD_S), limits)
+        command = self._guidance.step(command, hand, CONTROL_PERIOD_S)
+        felt = hand.force_estimated_n
+        bearable = feasible_force_scale(felt, self.model, heading, limits.tip_over_margin_m)
+        if bearable < 1.0 and not command.guidance:
+            command = replace(command, base_velocity=command.base_velocity + relief_velocity(felt, bearable))
+        command = clip_command(command, limits)
         # A led hand asks for no force of its own: with less it would give way to the pull, not bear less of it.
         asked = np.zeros(3) if command.guidance else command.mask * command.force_n
         share = feasible_force_scale(asked, self.model, heading, limits.tip_over_margin_m)

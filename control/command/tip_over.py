@@ -39,6 +39,21 @@ def feasible_force_scale(
     )
 
 
+RELIEF_MPS, RELIEF_RPS = 2.0, 3.0
+"""Base velocity towards a load of which nothing can be borne; less in proportion."""
+
+
+def relief_velocity(force_n: np.ndarray, share: float) -> np.ndarray:
+    """Base velocity (3,) [m/s, 0, rad/s] with which the robot drives under a load that would tip it.
+
+    Args:
+        force_n: (3,) N, felt at the hand, in heading.
+        share: of it that can be borne, `feasible_force_scale`.
+    """
+    ahead, aside, _ = force_n / max(float(np.linalg.norm(force_n)), 1e-9)
+    return (1.0 - share) * np.array([RELIEF_MPS * ahead, 0.0, RELIEF_RPS * aside])
+
+
 @kernel("f8(vector, matrix, vector, vector, matrix, f8, f8)")
 def _feasible_scale(
     force_n: np.ndarray,

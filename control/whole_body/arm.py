@@ -44,6 +44,7 @@ class ArmConfig:
         force_velocity_feedback: share of the hand's velocity that force axes do not brake; below 1 the hand is damped.
         yield_speed_mps: a hand that yields faster is braked by what it is faster, and out of the workspace by all its speed.
         brake_nspm: N s/m, by which.
+        nearest_m: distance from the shoulder within which it does not come.
         yield_x_m, yield_y_m, yield_z_m: box in heading within which a hand that is asked for no force yields: where the wheels
             stand wide enough for a firm pull, and the arm does not come near the robot.
         border_m: how far beyond the border of the workspace a force axis has become a position axis that holds the border.
@@ -74,9 +75,10 @@ class ArmConfig:
     force_velocity_feedback: float = 0.5
     yield_speed_mps: float = 0.4
     brake_nspm: float = 60.0
-    yield_x_m: tuple[float, float] = (0.42, 0.74)
+    nearest_m: float = 0.40
+    yield_x_m: tuple[float, float] = (0.46, 0.74)
     yield_y_m: tuple[float, float] = (-0.25, 0.25)
-    yield_z_m: tuple[float, float] = (0.32, 0.80)
+    yield_z_m: tuple[float, float] = (0.42, 0.72)
     border_m: float = 0.05
     border_load_limit_n: float = 40.0
     border_stiffness: float = 600.0
@@ -94,25 +96,28 @@ ARM = config_record(ArmConfig(), lower=6, upper=6, workspace=(2, 3), shoulder=3,
 around the shoulder (m, in heading)."""
 
 
-@kernel("void(Arm, vector, vector, f8[:])", Arm=ARM)
-def way_back(arm: np.record, force_n: np.ndarray, hand_position: np.ndarray, back: np.ndarray) -> None:
+@kernel("void(Arm, vector, vector, vector, f8[:])", Arm=ARM)
+def way_back(arm: np.record, force_n: np.ndarray, anchor: np.ndarray, hand_position: np.ndarray, back: np.ndarray) -> None:
     """Way (3,) m, in heading, from the hand to the border of its workspace, or of where it yields; zero inside.
 
     Args:
         force_n: (3,) N, asked for; an axis that is asked for none yields in a smaller box.
+        anchor: (3,) m, where the hand was last asked to be: no box begins before it.
         hand_position: (3,) m, in heading.
         back: (3,) the result.
     """
-    distance = 0.0
+    distance, asked = 0.0, 0.0
     for i in range(3):
         distance += (hand_position[i] - arm.shoulder[i]) ** 2
+        asked += abs(force_n[i])
     distance = math.sqrt(distance)
-    stretched = max(0.0, distance - arm.reach) / max(distance, 1e-9)
+    nearest = 0.0 if asked > 0.0 else arm.nearest_m
+    stretched = (distance - clip(distance, nearest, arm.reach)) / max(distance, 1e-9)
     for i in range(3):
         lower, upper = arm.workspace[0, i], arm.workspace[1, i]
         if force_n[i] == 0.0:
             yielding = arm.yield_x_m if i == 0 else arm.yield_y_m if i == 1 else arm.yield_z_m
-            lower, upper = yielding[0], yielding[1]
+            lower, upper = min(yielding[0], anchor[i]), max(yielding[1], anchor[i])
         inside = clip(hand_position[i], lower, upper)
         back[i] = inside - hand_position[i] - stretched * (hand_position[i] - arm.shoulder[i])
 

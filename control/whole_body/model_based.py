@@ -63,7 +63,7 @@ def _targets(
     """Joint targets (22,) of one robot, see `Controller.step`."""
     arm, command = gains.arm, signals.command
     share, back, hand_force = np.empty(3), np.empty(3), np.empty(3)
-    way_back(arm, command.force_n, signals.hand_position, back)
+    way_back(arm, command.force_n, memory.anchor, signals.hand_position, back)
     for i in range(3):
         estimated = signals.force_estimated_n[i]
         share[i] = force_share(command.mask[i], command.force_n[i], estimated, arm.contact_share, arm.contact_noise_n)

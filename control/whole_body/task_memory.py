@@ -49,6 +49,7 @@ TASK_MEMORY = record(
     wheel_hold=4,
     steering_traction=(),
     reference=3,
+    anchor=3,
     held=4,
     started=(),
     standing=(),
@@ -62,6 +63,7 @@ Fields:
     reference_velocity: m/s, of the position reference; zero on force axes.
     wheel_hold: rad, held wheel angle minus angle; zero while driving.
     steering_traction: N, mean push of the left wheels against the right ones.
+    anchor: m, reference of the last step in which the axis tracked its position.
     reference, held: position reference and held wheel angles of the last step; started, standing: 1 or 0, of the last step.
 """
 
@@ -84,6 +86,8 @@ def _remember(config: np.record, signals: np.record, memory: np.record) -> None:
         last = memory.reference[i] if memory.started > 0.0 else position
         memory.reference_velocity[i] = (1.0 - on_force) * (position - last) / CONTROL_PERIOD_S
         memory.reference[i] = position
+        if on_force < 0.5 or memory.started == 0.0:
+            memory.anchor[i] = position
     memory.started = 1.0
 
     yaw, standing = command.base_velocity[2], stands(signals)
