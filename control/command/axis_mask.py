@@ -8,12 +8,18 @@ force control by this share.
 from control.kernels.compiled import kernel
 from control.kernels.small_algebra import clip
 
+CONTACT_NOISE_N = 1.0
+"""An estimated force below it may be none: three standard deviations of a free hand's."""
+
 
 @kernel("f8(f8, f8, f8, f8, f8)")
 def force_share(mask: float, force_n: float, force_estimated_n: float, contact_share: float, contact_noise_n: float) -> float:
     """Share, 0 to 1, of force control on one axis.
 
         mask * clip(f_hat sign(f) / (contact_share |f| - contact_noise), 0, 1)
+
+    An axis that is asked for no force at all yields to what is more than noise, mask * clip(|f_hat| / contact_noise - 1, 0, 1):
+    what lies within is no reason to move.
 
     Args:
         mask: 0 position, 1 force.
@@ -22,6 +28,8 @@ def force_share(mask: float, force_n: float, force_estimated_n: float, contact_s
         contact_share: of f that counts, estimated, as contact.
         contact_noise_n: N; a force asked for that is smaller than contact_noise / contact_share needs no contact.
     """
+    if force_n == 0.0:
+        return mask * clip(abs(force_estimated_n) / contact_noise_n - 1.0, 0.0, 1.0)
     needed = contact_share * abs(force_n) - contact_noise_n
     if needed <= 0.0:
         return mask

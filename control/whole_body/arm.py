@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from control.command.axis_mask import CONTACT_NOISE_N
 from control.joints import ARM_SLICE, DAMPING, STIFFNESS, TORQUE_LIMIT
 from control.kernels.compiled import kernel
 from control.kernels.records import config_record
@@ -83,7 +84,7 @@ class ArmConfig:
     border_load_limit_n: float = 40.0
     border_stiffness: float = 600.0
     contact_share: float = 0.3
-    contact_noise_n: float = 1.0
+    contact_noise_n: float = CONTACT_NOISE_N
     approach_gain: float = 0.03
     approach_speed_limit_mps: float = 0.3
     load_gain: float = 0.8
@@ -185,7 +186,12 @@ def _reference_twist(
         # Where nothing is met, the search ends at the border of the workspace.
         to_lower = arm.position_gain * (arm.workspace[0, i] - signals.hand_position[i])
         to_upper = arm.position_gain * (arm.workspace[1, i] - signals.hand_position[i])
-        approach = clip(approach, to_lower, to_upper) if back[i] == 0.0 else arm.position_gain * back[i]
+        approach = clip(approach, to_lower, to_upper)
+        if back[i] != 0.0:
+            approach = arm.position_gain * back[i]
+        elif command.force_n[i] == 0.0:
+            to_rest = memory.rest[i] - signals.hand_position[i]
+            approach = arm.position_gain * clip(to_rest, -arm.position_error_limit_m, arm.position_error_limit_m)
         motion = (1.0 - command.mask[i]) * (tracking + correction.hand_velocity[i]) + command.mask[i] * approach
         yielding = arm.force_velocity_feedback * arm_velocity[i]
         linear[i] = (1.0 - force_share[i]) * motion + force_share[i] * yielding

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from control.command.axis_mask import CONTACT_NOISE_N
 from control.joints import WHEEL_RADIUS_M
 from control.kernels.compiled import kernel
 from control.kernels.records import config_record, packed, record
@@ -26,6 +27,7 @@ class TaskMemoryConfig:
     """Attributes:
     position_limit_ms: m s, of the integrated position error.
     force_error_limit_n: force errors beyond it are not integrated.
+    rest_force_n: a force felt that is smaller leaves a hand at rest that is asked for no force.
     force_limit_ns: N s, of the integrated force error.
     yaw_limit_rad: of the integrated yaw rate error.
     traction_smoothing: weight of the newest wheel torques in the steering traction.
@@ -33,6 +35,7 @@ class TaskMemoryConfig:
 
     position_limit_ms: float = 0.03
     force_error_limit_n: float = 8.0
+    rest_force_n: float = CONTACT_NOISE_N
     force_limit_ns: float = 1.2
     yaw_limit_rad: float = 0.8
     traction_smoothing: float = 0.2
@@ -50,6 +53,7 @@ TASK_MEMORY = record(
     steering_traction=(),
     reference=3,
     anchor=3,
+    rest=3,
     held=4,
     started=(),
     standing=(),
@@ -63,6 +67,7 @@ Fields:
     reference_velocity: m/s, of the position reference; zero on force axes.
     wheel_hold: rad, held wheel angle minus angle; zero while driving.
     steering_traction: N, mean push of the left wheels against the right ones.
+    rest: m, where the hand was last moved to by a force on an axis that is asked for none.
     anchor: m, reference of the last step in which the axis tracked its position.
     reference, held: position reference and held wheel angles of the last step; started, standing: 1 or 0, of the last step.
 """
@@ -88,6 +93,9 @@ def _remember(config: np.record, signals: np.record, memory: np.record) -> None:
         memory.reference[i] = position
         if on_force < 0.5 or memory.started == 0.0:
             memory.anchor[i] = position
+            memory.rest[i] = position
+        elif command.force_n[i] != 0.0 or abs(signals.force_estimated_n[i]) > config.rest_force_n:
+            memory.rest[i] = signals.hand_position[i]
     memory.started = 1.0
 
     yaw, standing = command.base_velocity[2], stands(signals)
