@@ -30,6 +30,7 @@ class LegConfig:
         posture_damping: s, of joint velocity.
         offset_limit_rad: farthest target from the posture of the stance.
         traction_smoothing: weight of the newest wheel torques in the steering traction that the legs bear.
+        surprise_n: what is felt at the hand beyond the force asked for, and beyond this, the legs prepare for.
     """
 
     height_stiffness: float = 800.0
@@ -41,6 +42,7 @@ class LegConfig:
     posture_damping: float = 0.02
     offset_limit_rad: float = 0.9
     traction_smoothing: float = 0.2
+    surprise_n: float = 6.0
 
 
 LEGS = config_record(LegConfig(), total_mass=())

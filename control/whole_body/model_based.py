@@ -13,7 +13,7 @@ from control.command.limits import CommandLimits
 from control.joints import ARM_SLICE, JOINT_COUNT, WHEEL_SLICE
 from control.kernels.compiled import kernel
 from control.kernels.records import packed, record
-from control.kernels.small_algebra import rotate
+from control.kernels.small_algebra import clip, rotate
 from control.robot_model import RobotModel
 from control.whole_body.arm import ARM, ArmConfig, arm_targets, border_hold, way_back
 from control.whole_body.body_terms import BODY_TERMS, body_terms
@@ -68,8 +68,12 @@ def _targets(
         estimated = signals.force_estimated_n[i]
         share[i] = force_share(command.mask[i], command.force_n[i], estimated, arm.contact_share, arm.contact_noise_n)
         share[i] *= 1.0 - border_hold(back[i], estimated, arm.border_m)
-    # The legs prepare for what is felt: a hand that is pulled while no force is asked for loads them all the same.
-    hand_force[0], hand_force[1], hand_force[2] = rotate(terms.rotation_heading_to_world, signals.force_estimated_n)
+        # The legs prepare for the force asked for, which is about to come, and for what is felt beyond it: a hand that is
+        # pulled while nothing is asked for loads them all the same.
+        surprise = estimated - command.force_n[i]
+        surprise -= clip(surprise, -gains.legs.surprise_n, gains.legs.surprise_n)
+        hand_force[i] = share[i] * (command.force_n[i] + surprise) + (1.0 - share[i]) * estimated
+    hand_force[0], hand_force[1], hand_force[2] = rotate(terms.rotation_heading_to_world, hand_force)
     forces, posture, wheel_torque = np.empty((4, 3)), np.empty(12), np.empty(4)
     ground_forces(gains.legs, terms, signals, hand_force, forces)
     shifted_posture(gains.stance, terms, forces, state.stance, posture)
