@@ -14,7 +14,6 @@ from sim.backends.hardware.states import REQUEST_NAMES, DriveState, Request
 from sim.runtime.session import Session, SessionError
 from sim.runtime.snapshot import Mode
 
-
 WATCHING_FAULTS = Fault.CONTROLLER_ERROR | Fault.ESTIMATOR_ERROR | Fault.ESTIMATOR_STALE | Fault.NOT_FINITE
 """Of a pipeline that only watches: what is wrong with it and what it reads. The others are about a robot that obeys it."""
 
