@@ -19,7 +19,7 @@ FINGER_PX = 44.0
 FARTHEST_HANDS = np.array([[x, y, z] for x in (0.3, 0.8) for y in (-0.3, 0.3) for z in (0.2, 0.8)])
 
 
-@pytest.fixture(params=SMALL.values(), ids=SMALL)
+@pytest.fixture(params=SMALL.values(), ids=list(SMALL))
 def small(request: pytest.FixtureRequest, client: Client) -> Iterator[Client]:
     client.page.set_viewport_size(request.param)
     eventually(lambda: box(client.page.get_by_test_id("viser"))["width"] == request.param["width"], "the page has its size")
