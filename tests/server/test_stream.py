@@ -6,7 +6,8 @@ import socket
 
 import pytest
 from websockets.exceptions import InvalidStatus
-from websockets.sync.client import ClientConnection, connect
+from websockets.sync.client import connect
+from websockets.sync.connection import Connection
 
 from tests.server.running_server import RunningServer
 
@@ -53,7 +54,7 @@ def test_foreign_pages_are_refused(server: RunningServer) -> None:
     assert refused.value.response.status_code == 403
 
 
-def late(stream: ClientConnection, server: RunningServer, last: int, unread: int) -> list[int]:
+def late(stream: Connection, server: RunningServer, last: int, unread: int) -> list[int]:
     """Numbers of the snapshots that come after `unread` of them were not read, up to the newest of then."""
     newest = server.wait_for(lambda state: state["sequence"] > last + unread)["sequence"]
     received = [last]
