@@ -17,7 +17,7 @@ from pathlib import Path
 
 from numba.core import config
 
-from control import compiled
+from control.kernels import compiled
 from control.paths import ROOT
 
 PACKAGES = ("control", "sim")
