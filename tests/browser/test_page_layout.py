@@ -4,7 +4,7 @@ from itertools import combinations
 
 import pytest
 
-from control.faults import FAULT_WORDS
+from sim.runtime.fault_words import FAULT_WORDS
 from tests.browser.conftest import VIEWPORT
 from tests.browser.console_page import Client
 from tests.browser.page_geometry import box, is_on_top
