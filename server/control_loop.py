@@ -18,7 +18,7 @@ from server.messages import Event, Outcome, Reply
 from server.pacing import Pacer
 from server.run_control import RunControl
 from server.session_events import SLOW_EVENTS, EventError, SessionEvents
-from server.setpoint import default_setpoint
+from server.setpoint import default_setpoint, released
 from sim.backends.protocol import Backend, BackendError
 from sim.processes.shared_record import SharedRecord
 from sim.runtime.session import Session
@@ -71,6 +71,7 @@ class ControlLoop:
         self._run = RunControl(running=not paused)
         self._failure: str | None = None
         self._setpoint = default_setpoint()
+        self._void_sequence = -1  # of the command that was asked before the last restart
         self._snapshot = np.zeros(1, SNAPSHOT)
         self._snapshot[0]["realtime_scheduling"] = realtime
         previous = state.read()
@@ -127,7 +128,7 @@ class ControlLoop:
         self._port.flush()
 
     def _tick(self) -> None:
-        setpoint = self._setpoint[0]
+        setpoint = (released(self._setpoint) if self._setpoint[0]["sequence"] == self._void_sequence else self._setpoint)[0]
         try:
             self._session.tick_setpoint(setpoint, _age_s(setpoint))
         except BackendError as error:
@@ -147,12 +148,18 @@ class ControlLoop:
 
     def _read_setpoint(self) -> None:
         # Few attempts: with a higher priority than the writer, waiting for it would never end. The last one still holds.
-        newest = self._setpoints.read(attempts=3)
+        # A hold has the time to yield to the writer, and its next tick shall run what was asked before it.
+        newest = self._setpoints.read(attempts=3) if self._run.running else self._setpoints.read()
         if newest is None:
             return
         if newest[0]["sequence"] != self._setpoint[0]["sequence"]:
             self._urgent_publish = True
         self._setpoint = newest
+
+    def _void_setpoint(self) -> None:
+        """What was asked before a restart does not act after it, not even until its operator's side has let go of it."""
+        newest = self._setpoints.read()
+        self._void_sequence = int((self._setpoint if newest is None else newest)[0]["sequence"])
 
     def _publish(self) -> None:
         record = self._snapshot[0]
@@ -213,6 +220,7 @@ class ControlLoop:
                 self._pacer.excuse()
         if event.name in _RESTARTING:
             self._end_step(f"{event.name} came between")
+            self._void_setpoint()
             self._failure = None
             gc.collect()
             gc.freeze()

@@ -296,11 +296,11 @@ class Operator:
         self._client.restart(session=session, estopped=estopped, **choice.launch(paused=paused))
 
     def _hold(self) -> None:
+        self.set_drag(None)  # first: a new sequence number says that all of the set-point is new
         with self._lock:
             self._command = clip_command(DEFAULT_COMMAND, self.limits)
             self._sequence += 1
             self._send()
-        self.set_drag(None)
 
     def _send(self) -> None:
         record = np.zeros(1, COMMAND)

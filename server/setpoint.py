@@ -1,4 +1,4 @@
-"""The set-point before any operator spoke."""
+"""Set-points that ask for nothing: the one before any operator spoke, and the one after a restart."""
 
 import numpy as np
 
@@ -11,3 +11,11 @@ def default_setpoint() -> np.ndarray:
     setpoint = np.zeros(1, SETPOINT)
     command_to_record(DEFAULT_COMMAND, setpoint[0]["command"])
     return setpoint
+
+
+def released(setpoint: np.ndarray) -> np.ndarray:
+    """A SETPOINT array (1,) with its command at the default and no drag; sequence and sign of life as they were."""
+    asked = default_setpoint()
+    for field in ("sequence", "heartbeat_s"):
+        asked[field] = setpoint[field]
+    return asked

@@ -174,6 +174,7 @@ SECTIONS: dict[str, Callable[[np.void], Any]] = {
     "contacts": _contacts,
     "mass_scale_estimated": lambda record: _number(record["mass_scale_estimated"]),
     "mass_scale_true": lambda record: _number(record["mass_scale_true"]),
+    "mass_adapting": lambda record: bool(record["mass_adapting"]),
     "loop": loop_json,
 }
 ALWAYS = ("sequence", "time_s", "mode", "faults")

@@ -1,5 +1,6 @@
 """Camera presets and a camera that follows the robot. Every client has a camera of its own."""
 
+import math
 import time
 
 import numpy as np
@@ -8,6 +9,11 @@ import viser
 from control.frames import rotation_z
 
 FOV_RAD = 0.8
+"""Vertical field of view on a canvas that is wide enough."""
+
+HALF_WIDTH = 0.4
+"""Tangent of half the horizontal field of view that START needs for the robot and its outstretched hand."""
+
 START = "Corner"
 PRESETS: dict[str, tuple[tuple[float, float, float], tuple[float, float, float]]] = {
     START: ((1.6, -1.45, 0.95), (0.16, 0.0, 0.38)),
@@ -24,6 +30,11 @@ CENTER = np.array([0.1, 0.0, 0.38])
 _USER_PAUSE_S = 0.4
 _STEP_M = 0.004
 _TURNED_M = 0.005
+
+
+def fov_rad(aspect: float) -> float:
+    """Vertical field of view on a canvas that is `aspect` times as wide as high: so much that the robot fits a narrow one."""
+    return 2.0 * math.atan(max(math.tan(FOV_RAD / 2.0), HALF_WIDTH / aspect))
 
 
 class Follower:
@@ -59,6 +70,12 @@ class Follower:
         self._client.camera.look_at = look_at
 
 
+def fit_to_canvas(camera: viser.CameraHandle) -> None:
+    """Give a client's camera the field of view for its canvas, whatever its shape is now."""
+    if camera.image_width > 0 and camera.image_height > 0:  # not so while the canvas has no room at all
+        camera.fov = fov_rad(camera.aspect)
+
+
 class Camera:
     """Places clients' cameras relative to the robot."""
 
@@ -68,6 +85,12 @@ class Camera:
         self._heading_yaw = 0.0
         server.initial_camera.position, server.initial_camera.look_at = PRESETS[START]
         server.initial_camera.fov = FOV_RAD
+
+        @server.on_client_connect
+        async def _(client: viser.ClientHandle) -> None:
+            @client.camera.on_update
+            async def _(camera: viser.CameraHandle) -> None:
+                fit_to_canvas(camera)
 
         @server.on_client_disconnect
         async def _(client: viser.ClientHandle) -> None:

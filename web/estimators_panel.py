@@ -49,9 +49,10 @@ def estimators_html(snapshot: np.void) -> str:
             f'<tr style="{style}"><td>{swatch(index)}{html.escape(name.decode())}{mark}</td><td align="right">{value}</td></tr>'
         )
     sigma, scale = snapshot["force_sigma_n"], snapshot["mass_scale_estimated"]
+    adapting = ", adapting" if snapshot["mass_adapting"] else ""
     own = [
         ("Reported std. dev.", f"{np.linalg.norm(sigma):.2f} N" if np.isfinite(sigma).all() else "none"),
-        ("Estimated mass", f"{scale:.2f} of nominal" if np.isfinite(scale) else "none"),
+        ("Estimated mass", f"{scale:.2f} of nominal{adapting}" if np.isfinite(scale) else "none"),
     ]
     rows += [f'<tr><td>{what}</td><td align="right">{value}</td></tr>' for what, value in own]
     table = f'<table style="width:100%">{"".join(rows)}</table>'

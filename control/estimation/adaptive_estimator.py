@@ -135,7 +135,8 @@ class AdaptiveEstimator(ProjectingEstimator):
         turn_wrench(rotation_heading_to_world(inputs.base.rotation_base_to_world), wrench)
         wheel_forces = wrench[SUPPORT_ROWS].reshape(len(LEGS), 3)
         project_on_friction_cone(wheel_forces, self._config.friction, wheel_forces)
-        return ForceEstimate(wrench[FORCE_ROWS], wheel_forces, mass_scale=self._mass_scale())
+        adapting = self._adaptation.moving
+        return ForceEstimate(wrench[FORCE_ROWS], wheel_forces, mass_scale=self._mass_scale(), mass_adapting=adapting)
 
     def _unconstrained_wrench(self) -> np.ndarray:
         """(18,) in world axes, of the newest residual after correction by the adapted model.

@@ -172,4 +172,7 @@ class StateAnswer(Answer):
     """estimated mass over the model's; null where the selected estimator estimates none"""
     mass_scale_true: float | None
     """mass of the simulated robot over the model's; null on hardware"""
+    mass_adapting: bool
+    """the masses that the selected estimator finds still move: until they rest, its force may be off by more than its standard
+    deviation says; false where it estimates none"""
     loop: Loop

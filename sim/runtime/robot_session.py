@@ -6,6 +6,7 @@ POLICY the pipeline starts afresh from the measured posture, so that nothing of 
 
 import numpy as np
 
+from control.faults import Fault
 from control.pipeline import PipelineConfig, PipelineOutput
 from control.types import Command
 from sim.backends.hardware.backend import HardwareBackend
@@ -13,6 +14,9 @@ from sim.backends.hardware.states import REQUEST_NAMES, DriveState, Request
 from sim.runtime.fault_words import ESTOP_LATCHED
 from sim.runtime.session import Session, SessionError
 from sim.runtime.snapshot import Mode
+
+WATCHING_FAULTS = Fault.CONTROLLER_ERROR | Fault.ESTIMATOR_ERROR | Fault.ESTIMATOR_STALE | Fault.NOT_FINITE
+"""Of a pipeline that only watches: what is wrong with it and what it reads. The others are about a robot that obeys it."""
 
 
 class RobotSession(Session[HardwareBackend]):
@@ -33,10 +37,13 @@ class RobotSession(Session[HardwareBackend]):
 
     @property
     def mode(self) -> Mode:
-        """ESTOP while the e-stop is latched here, FAULT while the drives are in FAULT, otherwise RUNNING."""
+        """ESTOP while the e-stop is latched here, FAULT while the drives are in FAULT or damp because the pipeline does."""
         if self.pipeline.estop_latched:
             return Mode.ESTOP
-        return Mode.FAULT if self.backend.state == DriveState.FAULT else Mode.RUNNING
+        if self.backend.state == DriveState.FAULT:
+            return Mode.FAULT
+        # As of the last tick, whose output is the first that acts.
+        return super().mode if self._drive_state == DriveState.POLICY else Mode.RUNNING
 
     def tick(self, command: Command, command_age_s: float = 0.0) -> PipelineOutput:
         """One 2 ms tick on the newest state. The operator's age goes to the I/O process, which damps when it grows."""
@@ -78,4 +85,4 @@ class RobotSession(Session[HardwareBackend]):
         record["drive_state"], record["drive_faults"] = backend.state, int(backend.faults)
         record["dry_run"] = backend.config.dry_run
         if backend.state != DriveState.POLICY:
-            record["faults"] = 0  # of a pipeline that only watches
+            record["faults"] &= int(WATCHING_FAULTS)

@@ -45,12 +45,9 @@ class Session(Generic[BackendT]):
         backend.open()
         self.pipeline = Pipeline(pipeline or PipelineConfig())
         check_pipeline(self.pipeline)
-        self.time_s = 0.0
-        self._error_power = np.full(len(self.pipeline.estimator_names), np.nan)
-        self._command = DEFAULT_COMMAND
+        self._error_power = np.empty(len(self.pipeline.estimator_names))
         self._command_sequence = 0
-        self._unheard_sequence = -1
-        self._output: PipelineOutput | None = None
+        self._forget()
 
     @property
     def backend(self) -> BackendT:
@@ -166,6 +163,14 @@ class Session(Generic[BackendT]):
         record["force_errors_rms_n"][: len(names)] = np.sqrt(self._error_power)
         for name in ("mass_scale_true", "drag_target_in_world", "drag_force_n"):
             record[name] = np.nan
+
+    def _forget(self) -> None:
+        """As before the first tick, but for the pipeline and what counts on: the command's sequence number."""
+        self.time_s = 0.0
+        self._command = DEFAULT_COMMAND
+        self._unheard_sequence = -1
+        self._output: PipelineOutput | None = None
+        self._error_power[:] = np.nan
 
     def _reset_pipeline(self) -> None:
         latched = self.pipeline.estop_latched

@@ -118,10 +118,9 @@ class Simulation(Session[MujocoBackend]):
 
     def _restart(self) -> None:
         self._reset_pipeline()
-        self.time_s = 0.0
-        self._output = None
+        self._forget()
         self._truth = None
-        self._error_power[:] = np.nan
+        self._drag_target = None
 
 
 def _build_scene(name: str) -> scenes.SceneModel:

@@ -92,8 +92,9 @@ SNAPSHOT = np.dtype(
         ("policy_action", "f4", JOINT_COUNT),
         ("mass_scale_estimated", "f8"),
         ("mass_scale_true", "f8"),
+        ("mass_adapting", "?"),  # the masses that the selected estimator finds still move
         ("object_count", "u1"),
-        ("object_position", "f8", (MAX_OBJECTS, 3)),  # movable bodies of the scene, in world
+        ("object_position", "f8", (MAX_OBJECTS, 3)),  # movable bodies of the scene, in world; NaN from their number on
         ("object_orientation_wxyz", "f8", (MAX_OBJECTS, 4)),
         ("drag_active", "?"),
         ("drag_target_in_world", "f8", 3),

@@ -76,7 +76,9 @@ def write_forces(
     record["force_estimated_n"] = estimate.force_estimated_n
     record["force_sigma_n"] = np.nan if estimate.sigma_n is None else estimate.sigma_n
     record["wheel_force_estimated_n"] = estimate.wheel_forces_in_heading
+    record["mass_adapting"] = estimate.mass_adapting
     record["mass_scale_estimated"] = np.nan if estimate.mass_scale is None else estimate.mass_scale
+    record["object_position"] = record["object_orientation_wxyz"] = np.nan
     if truth is None:
         record["force_true_n"] = record["wheel_force_true_n"] = np.nan
         record["wheel_in_contact"] = estimate.wheel_forces_in_heading[:, 2] > LOADED_WHEEL_N
@@ -95,6 +97,7 @@ def write_forces(
 
 def write_policy(record: np.void, controller: Controller) -> None:
     """What the selected controller observed and did, if it is a policy, into a SNAPSHOT record."""
+    record["policy_observation"] = record["policy_action"] = 0.0
     if not isinstance(controller, PolicyController):
         record["policy_form"] = b""
         return

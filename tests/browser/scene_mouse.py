@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tests.browser.console_page import Api, Client, happens
-from web.camera import FOV_RAD, PRESETS, START
+from web.camera import PRESETS, START, fov_rad
 
 ATTEMPTS = 4
 WORKS_WITHIN_S = 12.0
@@ -22,7 +22,7 @@ def pixel(client: Client, point: np.ndarray) -> tuple[float, float]:
     ray = point - position
     box = client.canvas.bounding_box()
     assert box is not None
-    focal = box["height"] / 2.0 / np.tan(FOV_RAD / 2.0) / (ray @ ahead)
+    focal = box["height"] / 2.0 / np.tan(fov_rad(box["width"] / box["height"]) / 2.0) / (ray @ ahead)
     return (
         box["x"] + box["width"] / 2.0 + focal * (ray @ right),
         box["y"] + box["height"] / 2.0 + focal * (ray @ np.cross(ahead, right)),

@@ -27,8 +27,9 @@ def test_a_key_in_the_scene_stops(client: Client, api: Api, key: str) -> None:
     api.until(lambda state: state["mode"] == "estop", f"{key} stops")
 
 
-def test_escape_stops_even_while_typing(client: Client, api: Api) -> None:
-    client.number("x [m]").press("Escape")
+@pytest.mark.parametrize("chord", ["Escape", "Shift+Escape"])
+def test_escape_stops_even_while_typing(client: Client, api: Api, chord: str) -> None:
+    client.number("x [m]").press(chord)
     client.number("x [m]").blur()
     api.until(lambda state: state["mode"] == "estop", "Escape stops")
 

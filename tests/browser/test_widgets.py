@@ -43,8 +43,10 @@ def test_guidance(client: Client, api: Api) -> None:
 
 def test_the_setup(client: Client, api: Api) -> None:
     client.show_tab("Setup")
-    client.enter("Robot mass [x]", 1.1)
-    api.until(lambda state: state["mass_scale_true"] == pytest.approx(1.1), "the mass changes")
+    api.until(lambda state: not state["mass_adapting"], "the estimator knows the robot")
+    client.enter("Robot mass [x]", 1.2)
+    api.until(lambda state: state["mass_scale_true"] == pytest.approx(1.2), "the mass changes")
+    eventually(lambda: client.text("estimator").endswith(", adapting"), "the bar says why the force is off")
     client.enter("Speed [x]", 0.5)
     api.until(lambda state: state["loop"]["speed"] == pytest.approx(0.5), "the speed changes")
     api.call("PUT", "mismatch", {"mass_scale": 1.0})
@@ -70,6 +72,20 @@ def test_the_estimators_side_by_side(client: Client, api: Api) -> None:
     eventually(lambda: "gmo_cqp" in legend.inner_text(), "the legend says whose arrow is which")
     client.field("All estimates").click()
     client.show_tab("Command")
+
+
+def test_another_scene_resets_the_command_and_the_page_says_so(client: Client, api: Api) -> None:
+    api.call("PATCH", "command", {"mask": [0, 0, 1], "force_n": [0.0, 0.0, 15.0]})
+    eventually(client.field("z: force").is_checked, "the axis turns to force")
+    notice = client.viser.get_by_text("The robot is at its start, and")
+    for load in (lambda: client.choose("Scene", "box"), lambda: api.call("PUT", "scene", {"name": "free"})):
+        client.show_tab("Setup")
+        eventually(lambda: not notice.is_visible(), "nothing is said yet")
+        load()
+        notice.wait_for()
+        client.show_tab("Command")
+        eventually(lambda: not client.field("z: force").is_checked(), "the axis shows its default")
+        assert api.state()["command"]["mask"] == [0, 0, 0] and api.state()["command"]["force_n"] == [0.0, 0.0, 0.0]
 
 
 def test_every_scene_loads(client: Client, api: Api) -> None:

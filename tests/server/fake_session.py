@@ -34,6 +34,7 @@ class FakeSession(Simulation):
         self._backend = SimpleNamespace(close=lambda: None)
         self.command_sequence = 0
         self.command = DEFAULT_COMMAND
+        self.dragged = False
 
     @property
     def mode(self) -> Mode:
@@ -49,6 +50,7 @@ class FakeSession(Simulation):
         self.ages_s = [*self.ages_s[-9:], age_s]
         self.command_sequence = int(setpoint["sequence"])
         self.command = command_from_record(setpoint["command"])
+        self.dragged = bool(setpoint["drag_active"])
 
     def track_errors(self, interval_s: float) -> None:
         self.calls.append(("track_errors", interval_s))

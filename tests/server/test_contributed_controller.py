@@ -1,39 +1,22 @@
 """A contributor's controller that raises in its third second, from the control process to REST."""
 
-import numpy as np
 import pytest
 
 from control.pipeline import UnknownNameError
-from control.whole_body.controller import Controller, ControllerInput
 from server.control_client import ControlClient
 from server.control_process import ControlLaunch
 from server.errors import ControlDeadError
 from sim.runtime.simulation import Simulation, SimulationConfig
+from tests.misshapen_controller import Misshapen
 from tests.server.running_server import RunningServer, running_server
 
 SOUND_S = 2.2
 
 
-class Misshapen:
-    """Delegates to a sound controller until its third second."""
-
-    def __init__(self, sound: Controller) -> None:
-        self._sound = sound
-        self._start_s: float | None = None
-
-    def reset(self) -> None:
-        self._sound.reset()
-
-    def step(self, inputs: ControllerInput) -> np.ndarray:
-        time_s = inputs.sensor.time_s
-        self._start_s = time_s if self._start_s is None else self._start_s
-        return self._sound.step(inputs) + np.zeros(22 if time_s - self._start_s < SOUND_S else 21)
-
-
 def contributed(config: SimulationConfig) -> Simulation:
     """A session as a contributor makes it."""
     session = Simulation(config)
-    session.pipeline.add_controller("mine", Misshapen(session.pipeline.controllers["model_based"]))
+    session.pipeline.add_controller("mine", Misshapen(session.pipeline.controllers["model_based"], SOUND_S))
     return session
 
 

@@ -3,6 +3,7 @@
 import multiprocessing
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from multiprocessing.connection import Connection
 from typing import Any
 
@@ -19,7 +20,7 @@ from server.pacing import Pacer
 from server.state import failure, faults
 from sim.processes import shared_record
 from sim.processes.shared_record import SharedRecord
-from sim.runtime.snapshot import SETPOINT, SNAPSHOT, Mode
+from sim.runtime.snapshot import SETPOINT, SNAPSHOT, Mode, command_to_record
 from tests.server.fake_session import FakeSession
 
 CONTEXT = multiprocessing.get_context("spawn")
@@ -290,6 +291,32 @@ def test_a_changed_set_point_is_taken_at_once_with_its_age(bench: Bench) -> None
     bench.turn()
     assert bench.snapshot["command_sequence"] == 5
     assert bench.session.ages_s[-1] == pytest.approx(10.0, abs=5.0)
+
+
+@pytest.mark.parametrize(("event", "arguments"), [("reset", {}), ("set_scene", {"name": "box"})])
+@pytest.mark.parametrize("read_before", [True, False])
+def test_what_was_asked_before_a_restart_does_not_act_after_it(
+    paused: Bench, event: str, arguments: dict[str, Any], read_before: bool
+) -> None:
+    setpoint = np.zeros(1, SETPOINT)
+    command_to_record(replace(DEFAULT_COMMAND, guidance=True), setpoint[0]["command"])
+    setpoint[0]["sequence"] = 5
+    setpoint[0]["drag_active"] = True
+    paused.setpoints.write(setpoint)
+    if read_before:
+        paused.ask("step", ticks=1)
+        assert paused.session.command.guidance and paused.session.dragged
+    paused.ask(event, **arguments)
+    assert not paused.session.command.guidance and not paused.session.dragged
+    setpoint[0]["heartbeat_s"] = time.monotonic()
+    paused.setpoints.write(setpoint)
+    paused.ask("step", ticks=1)
+    assert not paused.session.command.guidance and not paused.session.dragged
+    assert paused.session.ages_s[-1] < 5.0
+    setpoint[0]["sequence"] += 1
+    paused.setpoints.write(setpoint)
+    paused.ask("step", ticks=1)
+    assert paused.session.command.guidance and paused.session.dragged
 
 
 def test_without_any_set_point_the_default_command_holds_and_the_operator_was_never_heard(bench: Bench) -> None:

@@ -19,6 +19,11 @@ from tests.server.contract import check_answer
 
 pytestmark = [pytest.mark.hardware, pytest.mark.realtime]
 PATIENCE_S = 40.0
+ONWARD = {"observe": "engage", "damped": "stand", "ready": "start", "fault": "clear"}
+"""What leads on from a state of the drives."""
+
+STIFF = ("standing_up", "ready")
+"""A slow look may miss the first."""
 
 
 def eventually(condition: Callable[[], Any], what: str) -> None:
@@ -46,16 +51,19 @@ class Console(ConsoleProcess):
     def connect(self) -> None:
         self.call("PUT", "backend", {"name": "hardware", "options": {"dry_run": False}})
 
-    def drive(self, request: str, goal: str) -> None:
-        """Ask, again where a busy machine made a self-test fail, until the drives are there."""
+    def lead_to(self, *goals: str) -> None:
+        """Ask for what leads on, again where a busy machine made the drives damp, until they are in one of these states."""
 
-        def asked() -> bool:
+        def reached() -> bool:
             hardware = self.call("GET", "hardware")
+            if hardware["state"] in goals:
+                return True
+            request = ONWARD.get(hardware["state"])
             if request in hardware["requests"] and not hardware["engaging"]:
                 self.http.post("hardware", json={"request": request})
-            return hardware["state"] == goal
+            return False
 
-        eventually(asked, f"{request} leads to {goal}")
+        eventually(reached, f"the drives are {' or '.join(goals)}")
 
     def close(self) -> None:
         self.http.close()
@@ -103,10 +111,9 @@ def stiff(robot: EmulatorProcess) -> bool:
 def test_whoever_is_killed_the_robot_is_damped(start: Callable[[], Console], robot: EmulatorProcess) -> None:
     console = start()
     console.connect()
-    console.drive("engage", "damped")
-    console.drive("stand", "ready")
-    console.drive("start", "policy")
-    assert stiff(robot)
+    for goal in ("damped", "ready", "policy"):
+        console.lead_to(goal)
+    eventually(lambda: stiff(robot), "it stands by the controller")
 
     refused = console.http.put("backend", json={"name": "simulation"})
     assert refused.status_code == 409 and "sit or damp it first" in refused.json()["detail"]
@@ -136,21 +143,14 @@ def test_whoever_is_killed_the_robot_is_damped(start: Callable[[], Console], rob
     forbidden = console.http.post("hardware", json={"request": "clear"})
     assert forbidden.status_code == 409 and "estop/clear" in forbidden.json()["detail"]
     console.call("POST", "estop/clear")
-    if console.drives() == "fault":  # it was still sinking
-        console.drive("clear", "damped")
-
-    console.drive("stand", "standing_up")
+    console.lead_to(*STIFF)
     eventually(lambda: stiff(robot), "it stands up")
     os.kill(console.process.pid, signal.SIGKILL)
     await_damping(robot)
 
     console = start()
     console.connect()  # waits for the I/O process that the dead console has left
-    if console.drives() == "fault":
-        console.drive("clear", "observe")
-    if console.drives() == "observe":
-        console.drive("engage", "damped")
-    console.drive("stand", "standing_up")
+    console.lead_to(*STIFF)
     eventually(lambda: stiff(robot), "it stands up")
     control = console.control_pid()
     os.kill(console.process.pid, signal.SIGSTOP)  # so that neither sees the other die

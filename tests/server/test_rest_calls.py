@@ -124,6 +124,26 @@ def test_reset_goes_back_to_time_zero_and_the_default_command(server: RunningSer
     assert server.http.get("/api/v1/command").json()["base_velocity"] == [0.0, 0.0, 0.0]
 
 
+def test_the_same_calls_after_a_reset_give_the_same_bytes_whatever_came_before(server: RunningServer) -> None:
+    def story() -> dict:
+        for method, path, body in (
+            ("POST", "run", {"state": "paused"}),
+            ("POST", "reset", {"seed": 7}),
+            ("POST", "step", {"ticks": 249}),
+            ("PATCH", "command", {"base_velocity": [0.3, 0, 0.2], "mask": [0, 0, 1], "force_n": [0, 0, 6]}),
+            ("POST", "step", {"ticks": 500}),
+        ):
+            strict(server.http.request(method, f"/api/v1/{path}", json=body))
+        return {name: server.state()[name] for name in ("time_s", "joints", "base", "end_effector", "applied_command")}
+
+    first = story()
+    server.http.patch("/api/v1/command", json={"guidance": True}).raise_for_status()
+    server.http.post("/api/v1/run", json={"state": "running"}).raise_for_status()
+    server.wait_for(lambda state: state["time_s"] > first["time_s"] + 0.5)
+    assert story() == first
+    assert story() == first
+
+
 def test_scenes_change_and_come_back(server: RunningServer) -> None:
     scenes = strict(server.http.get("/api/v1/scene"))
     assert scenes["name"] in scenes["available"]

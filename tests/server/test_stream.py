@@ -7,6 +7,7 @@ import socket
 import pytest
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
+from websockets.sync.connection import Connection
 
 from tests.server.running_server import RunningServer
 
@@ -53,17 +54,27 @@ def test_foreign_pages_are_refused(server: RunningServer) -> None:
     assert refused.value.response.status_code == 403
 
 
+def late(stream: Connection, server: RunningServer, last: int, unread: int) -> list[int]:
+    """Numbers of the snapshots that come after `unread` of them were not read, up to the newest of then."""
+    newest = server.wait_for(lambda state: state["sequence"] > last + unread)["sequence"]
+    received = [last]
+    while received[-1] < newest:
+        received.append(json.loads(stream.recv(10.0))["sequence"])
+    return received
+
+
 def test_a_slow_reader_skips_to_the_newest(server: RunningServer) -> None:
     with socket.create_connection(("127.0.0.1", server.port)) as raw:
         raw.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 32768)
         with connect(server.socket_url(f"{PATH}?rate_hz=100"), sock=raw, max_queue=1, compression=None) as stream:
-            first = json.loads(stream.recv(10.0))["sequence"]
-            newest = server.wait_for(lambda state: state["sequence"] > first + 200)["sequence"]
-            received = []
-            while not received or received[-1] < newest:
-                received.append(json.loads(stream.recv(10.0))["sequence"])
-    assert len(received) < (newest - first) / 2
-    assert max(after - before for before, after in itertools.pairwise(received)) > 20
+            received = [json.loads(stream.recv(10.0))["sequence"]]
+            # How much the system's own buffers hold is its business; beyond that, nothing waits.
+            for unread in (200, 400, 800):
+                received = late(stream, server, received[-1], unread)
+                skipped = max(after - before for before, after in itertools.pairwise(received))
+                if skipped > unread / 2:
+                    return
+    pytest.fail(f"a reader that paused for {unread} snapshots was sent {len(received)}, of which it missed {skipped} in a row")
 
 
 def test_a_pause_is_still_alive_on_the_wire(server: RunningServer) -> None:

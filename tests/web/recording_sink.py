@@ -19,7 +19,7 @@ class RecordingSink:
         return {
             "controllers": ["model_based"],
             "estimators": ["gmo_pi", "adaptive"],
-            "scenes": ["free"],
+            "scenes": ["free", "box"],
             "backends": [
                 {"name": "simulation", "available": True, "reason": None},
                 {"name": "hardware", "available": False, "reason": "no robot <answers>"},

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from web import camera as camera_module
-from web.camera import CENTER, Follower
+from web.camera import CENTER, FOV_RAD, HALF_WIDTH, Follower, fit_to_canvas, fov_rad
 
 
 @pytest.fixture
@@ -61,3 +61,20 @@ def test_following_pauses_while_the_operator_turns_the_camera_and_then_keeps_the
     clock[0] += 1.0
     follower.update(np.array([0.3, 0.0, 0.0]))
     np.testing.assert_allclose(client.camera.position, CENTER + [0.3, -2.0, 0.5])
+
+
+@pytest.mark.parametrize("aspect", [0.2, 0.46, 0.65, 0.9, 1.0, 1.6, 4.0])
+def test_a_narrow_canvas_shows_as_much_in_width_and_a_wide_one_as_much_in_height(aspect: float) -> None:
+    half_height = np.tan(fov_rad(aspect) / 2.0)
+    assert half_height * aspect >= HALF_WIDTH - 1e-9
+    assert fov_rad(aspect) >= FOV_RAD - 1e-9
+    assert fov_rad(aspect) == pytest.approx(FOV_RAD) or half_height * aspect == pytest.approx(HALF_WIDTH)
+
+
+def test_a_camera_follows_its_canvas_and_keeps_its_view_while_there_is_none() -> None:
+    camera: Any = SimpleNamespace(image_width=390, image_height=600, aspect=0.65, fov=FOV_RAD)
+    fit_to_canvas(camera)
+    assert camera.fov == fov_rad(0.65)
+    camera.image_height = 0
+    fit_to_canvas(camera)
+    assert camera.fov == fov_rad(0.65)

@@ -29,7 +29,9 @@ def test_what_the_selected_one_states_is_shown_or_said_to_be_missing(snapshot: n
     snapshot["force_sigma_n"], snapshot["mass_scale_estimated"] = [0.3, 0.4, 1.2], 1.17
     text = estimators_html(snapshot)
     assert "1.30 N" in text
-    assert "1.17 of nominal" in text
+    assert "1.17 of nominal<" in text
+    snapshot["mass_adapting"] = True
+    assert "1.17 of nominal, adapting" in estimators_html(snapshot)
 
 
 def test_the_table_follows_the_snapshot(server: viser.ViserServer, sink: RecordingSink, snapshot: np.void) -> None:

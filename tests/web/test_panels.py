@@ -1,5 +1,7 @@
 """What the panels say and send."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 import viser
@@ -65,6 +67,27 @@ def test_what_only_a_simulation_has_is_hidden_on_hardware(
     snapshot["backend"], snapshot["scene"], snapshot["mass_scale_true"] = b"simulation", b"free", 1.1
     setup.update(snapshot)
     assert setup.mass.visible and setup.mass.value == 1.1
+
+
+def test_everybody_is_told_of_another_scene_because_it_resets_the_command(
+    server: viser.ViserServer, sink: RecordingSink, snapshot: np.void, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told: list[str] = []
+    client = SimpleNamespace(add_notification=lambda title, body, **_: told.append(f"{title}: {body}"))
+    monkeypatch.setattr(server, "get_clients", lambda: {0: client, 1: client})
+    setup = SetupPanel(server, sink)
+    setup.update(snapshot)
+    setup.update(snapshot)
+    assert told == []
+    snapshot["scene"] = b"box"
+    setup.update(snapshot)
+    setup.update(snapshot)
+    assert len(told) == 2
+    assert "Scene box" in told[0] and "command at its default" in told[0]
+    for backend, scene in ((b"hardware", b"robot"), (b"simulation", b"free")):
+        snapshot["backend"], snapshot["scene"] = backend, scene
+        setup.update(snapshot)
+    assert len(told) == 2  # another robot, not another scene
 
 
 @pytest.mark.parametrize(

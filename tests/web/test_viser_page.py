@@ -12,7 +12,7 @@ from web.viser_page import CLIENT, STATIC, viser_page
 
 def test_our_script_runs_before_visers() -> None:
     page = viser_page().decode()
-    assert page.index("forcelens-key") < page.index("<script data-p=")
+    assert page.index("forcelensTakeKey") < page.index("<script data-p=")
     assert page.count("<head>") == 1
 
 

@@ -7,13 +7,14 @@ import { reporting, toast } from "./toast.js";
 const button = document.getElementById("estop");
 const RETRY_MS = 250;
 const ATTEMPTS = 8;
+const ANSWER_WITHIN_MS = 1500;
 
 /** Stop, and keep trying for a while: a lost request must not be the end of it. */
 export async function stop() {
   button.dataset.pending = "true";
   for (let attempt = 1; ; attempt += 1) {
     try {
-      await call("POST", "estop");
+      await call("POST", "estop", undefined, ANSWER_WITHIN_MS);
       break;
     } catch (error) {
       if (attempt === ATTEMPTS) {

@@ -84,11 +84,13 @@ function togglePanel() {
   panelButton.setAttribute("aria-pressed", String(open));
 }
 
-/** Hand a key to the scene's page, where Viser listens for it. */
+/** Hand a digit to the scene's page, where Viser listens for it. */
 function toScene(key) {
-  const options = { key, code: `Digit${key}`, bubbles: true };
-  viser.contentDocument.body.dispatchEvent(new KeyboardEvent("keydown", options));
-  viser.contentDocument.body.dispatchEvent(new KeyboardEvent("keyup", options));
+  for (const type of ["keydown", "keyup"]) {
+    const event = new KeyboardEvent(type, { key, code: `Digit${key}`, bubbles: true });
+    event.forcelensRelayed = true; // and viser_bridge.js does not hand it back
+    viser.contentDocument.body.dispatchEvent(event);
+  }
 }
 
 pauseButton.onclick = pauseOrResume;
@@ -97,16 +99,16 @@ resetButton.onclick = reset;
 document.getElementById("help").onclick = toggleHelp;
 
 bindShortcuts([
-  { keys: ["E", "Escape"], label: "E Esc", words: "E-stop", act: stop },
-  { keys: [" "], label: "Space", words: "Pause and resume", act: pauseOrResume },
-  { keys: ["."], label: ".", words: "While paused: advance 20 ms", act: step },
-  { keys: ["R"], label: "R", words: "Reset the simulation", act: reset },
-  { keys: ["G"], label: "G", words: "Zero-force guidance on and off", act: toggleGuidance },
+  { places: ["Escape", "KeyE"], prints: "E", label: "Esc E", words: "E-stop", act: stop },
+  { places: ["Space"], label: "Space", words: "Pause and resume", act: pauseOrResume },
+  { places: ["Period"], label: ".", words: "While paused: advance 20 ms", act: step },
+  { places: ["KeyR"], label: "R", words: "Reset the simulation", act: reset },
+  { places: ["KeyG"], label: "G", words: "Zero-force guidance on and off", act: toggleGuidance },
   ...["corner", "front", "side", "top", "hand"].map((view, index) => {
     const key = String(index + 1);
-    return { keys: [key], label: key, words: `Camera: ${view}`, act: () => toScene(key) };
+    return { places: [`Digit${key}`], label: key, words: `Camera: ${view}`, act: () => toScene(key) };
   }),
-  { keys: ["?"], label: "?", words: "This help", act: toggleHelp },
+  { places: ["Shift+Slash"], prints: "?", label: "?", words: "This help", act: toggleHelp },
 ]);
 
 watchLink(RATE_HZ, onState, onLink);

@@ -25,7 +25,8 @@ export function showState(state) {
   element("overruns").title =
     `Ticks that missed their 2 ms deadline, ${(100 * share).toFixed(1)} % of the last seconds'. 99 % are at most ${lateness.toFixed(2)} ms late; ` +
     `real-time priority is ${realtime ? "granted" : "not granted"}.`;
-  show("estimator", state.estimator);
+  // Until the masses that it finds come to rest, the force may be off by more than its standard deviation says.
+  show("estimator", state.mass_adapting ? `${state.estimator}, adapting` : state.estimator, state.mass_adapting ? "warn" : "");
 }
 
 /** Of a robot that is not in the controller's hands, its drives tell more than the loop. */
@@ -69,6 +70,7 @@ let limitsTimer = 0;
 export function showLimits(words) {
   if (words.length === 0) return;
   show("limits", words.join(", "), "warn");
+  element("limits").title = words.join("\n");
   element("limits").parentElement.hidden = false;
   clearTimeout(limitsTimer);
   limitsTimer = setTimeout(() => (element("limits").parentElement.hidden = true), LIMITS_MS);

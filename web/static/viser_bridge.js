@@ -1,24 +1,19 @@
 // Runs inside Viser's page, before Viser itself.
 (() => {
-  const SHORTCUTS = new Set([" ", ".", "?", "E", "R", "G", "ESCAPE"]);
-  const typing = (target) => target.matches?.("input:not([type=checkbox]), textarea, select, [contenteditable]");
-
   // Shortcuts belong to the page around the scene. Capturing keeps Viser from also moving the camera with E.
   window.addEventListener(
     "keydown",
     (event) => {
-      const key = event.key.toUpperCase();
-      if (!event.isTrusted || event.repeat || event.ctrlKey || event.metaKey || event.altKey) return;
-      if (!SHORTCUTS.has(key) || window.parent === window) return;
-      if (key !== "ESCAPE" && typing(event.target)) return;
-      if (key === " " && event.target.matches?.(":focus-visible:not(body, canvas)")) return;
-      window.parent.postMessage({ type: "forcelens-key", key: event.key }, location.origin);
-      if (key === "ESCAPE") return;
+      if (event.forcelensRelayed || window.parent === window || !window.parent.forcelensTakeKey?.(event)) return;
       event.preventDefault();
       event.stopImmediatePropagation();
     },
     { capture: true },
   );
+
+  // Below this width Viser shows its panels as a sheet. Docked ones would leave a small window no scene.
+  const matchMedia = window.matchMedia.bind(window);
+  window.matchMedia = (query) => matchMedia(query.replace("36em", "56em"));
 
   // Viser reconnects only while its document has the focus, which mostly lies with the page around it.
   document.hasFocus = () => true;

@@ -97,6 +97,21 @@ def test_a_robot_that_changes_is_noticed() -> None:
     np.testing.assert_allclose(adaptation.parameters[MASSES], 0.3, atol=0.05)
 
 
+def test_the_masses_count_as_moving_until_they_rest_and_again_when_the_robot_changes() -> None:
+    adaptation = ModelAdaptation(ModelAdaptationConfig())
+    assert adaptation.moving  # nothing is known yet
+    Recording((0.0, 0.0)).feed(adaptation, 500)
+    assert not adaptation.moving
+    changed = Recording((0.2, 0.2), seed=1)
+    changed.feed(adaptation, 50)
+    assert adaptation.moving
+    changed.feed(adaptation, 1500)
+    assert not adaptation.moving
+    np.testing.assert_allclose(adaptation.parameters[MASSES], 0.2, atol=0.05)
+    adaptation.reset()
+    assert adaptation.moving
+
+
 def test_nothing_is_learned_before_the_observer_has_settled() -> None:
     config = ModelAdaptationConfig()
     adaptation = ModelAdaptation(config)

@@ -6,13 +6,16 @@ import numpy as np
 import pytest
 
 from control.command.limits import DEFAULT_COMMAND
+from control.faults import Fault
 from control.types import Command, JointCommand
 from sim.backends.hardware.backend import HardwareBackend
 from sim.backends.hardware.io.loop import IoLoop
 from sim.backends.hardware.records import IoMemory
 from sim.backends.hardware.states import DriveState
+from sim.runtime.fault_words import fault_words, message
 from sim.runtime.robot_session import RobotSession
 from sim.runtime.snapshot import SNAPSHOT, Mode
+from tests.misshapen_controller import Misshapen
 from tests.sim.hardware.hardware_rig import Rig
 
 
@@ -50,6 +53,12 @@ class Bench:
     def run(self, ticks: int, command: Command = DEFAULT_COMMAND, age_s: float = 0.0) -> None:
         for _ in range(ticks):
             self.session.tick(command, age_s)
+
+    @property
+    def snapshot(self) -> np.void:
+        record = np.zeros(1, SNAPSHOT)[0]
+        self.session.fill(record)
+        return record
 
     def drive(self, request: str, goal: DriveState) -> None:
         self.session.drive(request)
@@ -89,9 +98,7 @@ def test_guidance_works_on_the_emulated_robot(standing: Bench) -> None:
         robot.set_drag(robot.truth().end_effector_position + [0.1, 0.0, 0.0])
         standing.run(10, guided)
     assert robot.truth().base_position[0] - start > 0.1  # it follows the hand
-    snapshot = np.zeros(1, SNAPSHOT)
-    standing.session.fill(snapshot[0])
-    record = snapshot[0]
+    record = standing.snapshot
     assert record["backend"] == b"hardware" and record["mode"] == Mode.RUNNING
     np.testing.assert_allclose(record["force_estimated_n"], robot.truth().force_true_n, atol=3.0)
     for name in ("force_true_n", "wheel_force_true_n", "mass_scale_true", "drag_force_n", "force_errors_rms_n"):
@@ -123,6 +130,42 @@ def test_a_silent_page_damps(standing: Bench) -> None:
     assert standing.backend.state == DriveState.POLICY
     standing.run(2, age_s=1.1)
     assert standing.session.mode == Mode.FAULT and standing.rig.damps()
+
+
+def test_a_controller_with_a_defect_shows_before_it_is_started_and_is_a_fault_while_it_drives(bench: Bench) -> None:
+    bench.rig.start_standing()
+    pipeline = bench.session.pipeline
+    pipeline.add_controller("misshapen", Misshapen(pipeline.controllers["model_based"], sound_s=0.1))
+    bench.run(2)
+    bench.session.select_controller("misshapen")
+    bench.run(40)
+    assert bench.snapshot["faults"] == 0
+    bench.run(80)
+    record = bench.snapshot
+    assert bench.backend.state == DriveState.READY and not bench.rig.damps()
+    assert record["mode"] == Mode.RUNNING and message(record) is None  # the held stance needs no controller
+    assert "misshapen, ValueError: operands could not be broadcast" in fault_words(record)["CONTROLLER_ERROR"]
+    assert record["faults"] == Fault.CONTROLLER_ERROR  # what is late or limited has no meaning before it acts
+
+    bench.drive("start", DriveState.POLICY)
+    for _ in range(200):
+        bench.run(1)
+        if bench.rig.damps():
+            break
+    record = bench.snapshot
+    assert bench.backend.state == DriveState.POLICY
+    assert record["mode"] == Mode.FAULT and "misshapen" in str(message(record))
+
+
+def test_an_estimator_with_a_defect_shows_before_the_controller_is_started(bench: Bench) -> None:
+    def fail() -> None:
+        raise ArithmeticError("no force today")
+
+    bench.rig.start_standing()
+    bench.session.pipeline.estimators["hybrid"].estimate = fail  # pyright: ignore[reportAttributeAccessIssue]
+    bench.run(60)
+    words = fault_words(bench.snapshot)
+    assert "hybrid, ArithmeticError: no force today" in words["ESTIMATOR_ERROR"] and "ESTIMATOR_STALE" in words
 
 
 def test_a_page_can_walk_the_robot_through_its_states(bench: Bench) -> None:

@@ -7,28 +7,12 @@ from control.command.limits import DEFAULT_COMMAND
 from control.faults import Fault
 from control.pipeline import PipelineOutput
 from control.timing import TICK_S
-from control.whole_body.controller import Controller, ControllerInput
 from sim.runtime.fault_words import fault_words, message
 from sim.runtime.simulation import Simulation, SimulationConfig
 from sim.runtime.snapshot import SNAPSHOT, Mode
+from tests.misshapen_controller import Misshapen
 
 SOUND_S = 2.5
-
-
-class Misshapen:
-    """Delegates to a sound controller, and in its third second adds arrays that do not fit."""
-
-    def __init__(self, sound: Controller) -> None:
-        self._sound = sound
-        self._start_s: float | None = None
-
-    def reset(self) -> None:
-        self._sound.reset()
-
-    def step(self, inputs: ControllerInput) -> np.ndarray:
-        time_s = inputs.sensor.time_s
-        self._start_s = time_s if self._start_s is None else self._start_s
-        return self._sound.step(inputs) + np.zeros(22 if time_s - self._start_s < SOUND_S else 21)
 
 
 def run(session: Simulation, seconds: float) -> PipelineOutput:
@@ -53,7 +37,7 @@ def height_and_tilt(session: Simulation) -> tuple[float, float]:
 def test_the_robot_sinks_upright_and_stands_up_under_another_controller(caplog: pytest.LogCaptureFixture) -> None:
     session = Simulation(SimulationConfig(seed=4))
     pipeline = session.pipeline
-    pipeline.add_controller("misshapen", Misshapen(pipeline.controllers["model_based"]))
+    pipeline.add_controller("misshapen", Misshapen(pipeline.controllers["model_based"], SOUND_S))
     session.select_controller("misshapen")
     assert run(session, SOUND_S - 0.1).safety.faults == Fault.NONE
     assert session.mode is Mode.RUNNING

@@ -80,6 +80,27 @@ def test_the_adaptive_estimator_notices_a_mass_that_nobody_tells_it(standing: Si
 
 
 @pytest.mark.slow
+def test_the_snapshot_says_while_the_masses_are_found_anew(standing: Simulation) -> None:
+    drive = replace(DEFAULT_COMMAND, base_velocity=np.array([0.3, 0.0, 0.2]))
+
+    def adapting_after(seconds: float, command: Command = DEFAULT_COMMAND) -> bool:
+        run(standing, command, seconds)
+        snapshot = np.zeros(1, SNAPSHOT)[0]
+        standing.fill(snapshot)
+        return bool(snapshot["mass_adapting"])
+
+    assert not adapting_after(5.0)
+    assert not adapting_after(2.0, drive)  # an ordinary disturbance is no change of mass
+    standing.set_mismatch(1.2)
+    assert adapting_after(1.0)
+    assert np.linalg.norm(standing.output.hand.force_estimated_n) > 1.5  # which sigma does not tell
+    assert not adapting_after(20.0)
+    standing.select_estimator("gmo_cqp")
+    standing.set_mismatch(1.0)
+    assert not adapting_after(1.0)  # has no masses to find
+
+
+@pytest.mark.slow
 def test_the_estop_damps_and_outlives_a_reset(standing: Simulation) -> None:
     standing.estop()
     assert standing.mode is Mode.ESTOP
