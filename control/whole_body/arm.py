@@ -99,28 +99,25 @@ around the shoulder (m, in heading)."""
 
 @kernel("void(Arm, vector, vector, vector, f8[:])", Arm=ARM)
 def way_back(arm: np.record, force_n: np.ndarray, anchor: np.ndarray, hand_position: np.ndarray, back: np.ndarray) -> None:
-    """Way (3,) m, in heading, from the hand to the border of its workspace, or of where it yields; zero inside.
+    """Way (3,) m, in heading, from the hand to the border of where it yields; zero inside, and where a force is asked for.
 
     Args:
-        force_n: (3,) N, asked for; an axis that is asked for none yields in a smaller box.
+        force_n: (3,) N, asked for.
         anchor: (3,) m, where the hand was last asked to be: no box begins before it.
         hand_position: (3,) m, in heading.
         back: (3,) the result.
     """
-    distance, asked = 0.0, 0.0
+    distance = 0.0
     for i in range(3):
         distance += (hand_position[i] - arm.shoulder[i]) ** 2
-        asked += abs(force_n[i])
     distance = math.sqrt(distance)
-    nearest = 0.0 if asked > 0.0 else arm.nearest_m
-    stretched = (distance - clip(distance, nearest, arm.reach)) / max(distance, 1e-9)
+    stretched = (distance - clip(distance, arm.nearest_m, arm.reach)) / max(distance, 1e-9)
     for i in range(3):
-        lower, upper = arm.workspace[0, i], arm.workspace[1, i]
+        back[i] = 0.0
         if force_n[i] == 0.0:
-            yielding = arm.yield_x_m if i == 0 else arm.yield_y_m if i == 1 else arm.yield_z_m
-            lower, upper = min(yielding[0], anchor[i]), max(yielding[1], anchor[i])
-        inside = clip(hand_position[i], lower, upper)
-        back[i] = inside - hand_position[i] - stretched * (hand_position[i] - arm.shoulder[i])
+            box = arm.yield_x_m if i == 0 else arm.yield_y_m if i == 1 else arm.yield_z_m
+            inside = clip(hand_position[i], min(box[0], anchor[i]), max(box[1], anchor[i]))
+            back[i] = inside - hand_position[i] - stretched * (hand_position[i] - arm.shoulder[i])
 
 
 @kernel("f8(f8, f8, f8)")
@@ -261,7 +258,7 @@ def _hand_force(
         holding = command.mask[i] if back[i] != 0.0 else 0.0
         most = (1.0 - holding) * arm.load_limit_n + holding * arm.border_load_limit_n
         load = clip(arm.load_gain * signals.force_estimated_n[i], -most, most)
-        free = arm.yield_speed_mps * force_share[i]
+        free = arm.yield_speed_mps * (force_share[i] if back[i] != 0.0 else 1.0)
         brake = arm.brake_nspm * (arm_velocity[i] - clip(arm_velocity[i], -free, free))
         force[i] = (
             command.mask[i] * (arm.border_stiffness * (1.0 - force_share[i]) * back[i] - brake)
