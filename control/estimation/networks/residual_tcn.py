@@ -1,4 +1,4 @@
-"""Causal temporal convolutional network of the residual force correction, paper Sec. II.D, evaluated with numpy.
+"""Causal temporal convolutional network of the residual force correction, paper Sec. II.D, at its newest output.
 
 Each of the blocks runs two dilated causal convolutions with ReLU and adds its input; an MLP head maps the newest output to
 the force. A causal convolution pads the window with zeros on its old side. Only the newest output is wanted, so only the
@@ -9,6 +9,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+
+from control.compiled import kernel
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,54 +97,95 @@ def parameter_shapes(shape: TcnShape) -> dict[str, tuple[int, ...]]:
     return shapes
 
 
-class _Convolution:
-    """One convolution on the rows that matter; the last row of its padded input stays zero."""
-
-    def __init__(self, weight: np.ndarray, bias: np.ndarray, rows: np.ndarray, source_rows: int) -> None:
-        outputs, channels, kernel = weight.shape
-        # PyTorch's last tap meets the newest step; here the newest comes first.
-        flipped = weight[:, :, ::-1].transpose(2, 1, 0)
-        self._matrix = np.ascontiguousarray(flipped.reshape(kernel * channels, outputs), dtype=np.float32)
-        self._bias = bias.astype(np.float32)
-        self._rows = rows.reshape(-1)
-        self._gathered = np.empty((rows.size, channels), np.float32)
-        self._stacked = self._gathered.reshape(len(rows), kernel * channels)
-        self.padded_input = np.zeros((source_rows + 1, channels), np.float32)
-
-    def run(self, out: np.ndarray) -> None:
-        """ReLU of the convolution of `padded_input` into `out` (target rows, outputs)."""
-        np.take(self.padded_input, self._rows, axis=0, out=self._gathered, mode="clip")
-        np.dot(self._stacked, self._matrix, out=out)
-        out += self._bias
-        np.maximum(out, 0.0, out=out)
+@kernel("void(f4[:,::1])")
+def _rectify(values: np.ndarray) -> None:
+    """relu(x) in place."""
+    for i in range(values.shape[0]):
+        for o in range(values.shape[1]):
+            values[i, o] = max(values[i, o], np.float32(0.0))
 
 
-class _Block:
-    """Two convolutions and the skip connection."""
+@kernel("void(f4[:,::1], i8[:,::1], f4[:,:,::1], f4[::1], f4[:,::1])")
+def _convolve(source: np.ndarray, taps: np.ndarray, weight: np.ndarray, bias: np.ndarray, out: np.ndarray) -> None:
+    """y_i = relu(b + sum_t W_t x_(taps[i, t])) for every time step i of `out`.
 
-    def __init__(self, taps: BlockTaps, parameters: Mapping[str, np.ndarray], prefix: str, kernel: int) -> None:
-        weight1, weight2 = parameters[f"{prefix}.conv1.weight"], parameters[f"{prefix}.conv2.weight"]
-        rows1 = tap_rows(taps.inputs, taps.middle, taps.dilation, kernel)
-        rows2 = tap_rows(taps.middle, taps.outputs, taps.dilation, kernel)
-        self._first = _Convolution(weight1, parameters[f"{prefix}.conv1.bias"], rows1, len(taps.inputs))
-        self._second = _Convolution(weight2, parameters[f"{prefix}.conv2.bias"], rows2, len(taps.middle))
-        self._skip_rows = np.array([taps.inputs.index(lag) for lag in taps.outputs])
-        self._skip: tuple[np.ndarray, np.ndarray] | None = None
-        if f"{prefix}.skip.weight" in parameters:
-            matrix = parameters[f"{prefix}.skip.weight"][:, :, 0].T
-            self._skip = np.ascontiguousarray(matrix, np.float32), parameters[f"{prefix}.skip.bias"].astype(np.float32)
-        self.input = self._first.padded_input[:-1]
+    Args:
+        source: (s, channels) x.
+        taps: (n, kernel) step of `source` under each tap; s stands for the zeros before the window.
+        weight: (kernel, channels, outputs) W.
+        bias: (outputs,) b.
+        out: (n, outputs) y.
+    """
+    for i in range(len(out)):
+        out[i] = bias
+    # Every weight is read once, while the time steps stay in the first cache.
+    for tap in range(weight.shape[0]):
+        for channel in range(weight.shape[1]):
+            for i in range(len(out)):
+                if taps[i, tap] < len(source):
+                    value = source[taps[i, tap], channel]
+                    if value != np.float32(0.0):
+                        for o in range(len(bias)):
+                            out[i, o] += value * weight[tap, channel, o]
+    _rectify(out)
 
-    def run(self, out: np.ndarray) -> None:
-        """Output of the block for `input` into `out` (output lags, width)."""
-        self._first.run(self._second.padded_input[:-1])
-        self._second.run(out)
-        skipped = self.input[self._skip_rows]
-        if self._skip is not None:
-            matrix, bias = self._skip
-            skipped = skipped @ matrix + bias
-        out += skipped
-        np.maximum(out, 0.0, out=out)
+
+@kernel(
+    "void(f4[:,::1], i8[:,::1], f4[:,:,::1], f4[::1], f4[:,::1], i8[:,::1], f4[:,:,::1], f4[::1],"
+    " i8[::1], f4[:,::1], f4[::1], f4[:,::1])"
+)
+def _residual_block(
+    source: np.ndarray,
+    taps1: np.ndarray,
+    weight1: np.ndarray,
+    bias1: np.ndarray,
+    middle: np.ndarray,
+    taps2: np.ndarray,
+    weight2: np.ndarray,
+    bias2: np.ndarray,
+    skip_steps: np.ndarray,
+    skip_weight: np.ndarray,
+    skip_bias: np.ndarray,
+    out: np.ndarray,
+) -> None:
+    """One block: y = relu(conv2(conv1(x)) + S x), S the identity where `skip_weight` is empty.
+
+    Args:
+        source: (s, channels) x.
+        taps1, weight1, bias1, taps2, weight2, bias2: of the convolutions, see `_convolve`.
+        middle: (m, width) room for what the first one gives.
+        skip_steps: (n,) step of `source` at each step of `out`.
+        skip_weight, skip_bias: (channels, width) and (width,) of S.
+        out: (n, width) y.
+    """
+    _convolve(source, taps1, weight1, bias1, middle)
+    _convolve(middle, taps2, weight2, bias2, out)
+    for i in range(len(out)):
+        skipped = source[skip_steps[i]]
+        if len(skip_weight) == 0:
+            for o in range(len(skipped)):
+                out[i, o] += skipped[o]
+        else:
+            for o in range(len(skip_bias)):
+                out[i, o] += skip_bias[o]
+            for channel in range(len(skipped)):
+                for o in range(len(skip_bias)):
+                    out[i, o] += skipped[channel] * skip_weight[channel, o]
+    _rectify(out)
+
+
+@kernel("f4[::1](f4[::1], f4[:,::1], f4[::1], f4[:,::1], f4[::1])")
+def _head(feature: np.ndarray, weight1: np.ndarray, bias1: np.ndarray, weight2: np.ndarray, bias2: np.ndarray) -> np.ndarray:
+    """W2 relu(W1 x + b1) + b2 (outputs,) of x (width,); the weights are (inputs, outputs)."""
+    hidden, out = bias1.copy(), bias2.copy()
+    for i in range(len(feature)):
+        for o in range(len(hidden)):
+            hidden[o] += feature[i] * weight1[i, o]
+    for i in range(len(hidden)):
+        if hidden[i] > np.float32(0.0):
+            for o in range(len(out)):
+                out[o] += hidden[i] * weight2[i, o]
+    return out
 
 
 class ResidualTcn:
@@ -161,11 +204,16 @@ class ResidualTcn:
                 raise ValueError(f"network parameter {name!r} has shape {parameters[name].shape}, expected {expected}")
         self.shape = shape
         taps = block_taps(shape)
-        self._input_lags = np.array([shape.history - 1 - lag for lag in taps[0].inputs])
-        self._blocks = [_Block(tap, parameters, f"blocks.{i}", shape.kernel) for i, tap in enumerate(taps)]
-        self._feature = np.empty((1, shape.width), np.float32)
-        self._targets = [*(block.input for block in self._blocks[1:]), self._feature]
-        self._head = [_head_layer(parameters, index) for index in range(2)]
+        self._input_steps = np.array([shape.history - 1 - lag for lag in taps[0].inputs])
+        channels = [shape.inputs, *[shape.width] * len(taps)]
+        steps = [*(len(tap.inputs) for tap in taps), 1]
+        values = [np.zeros(size, np.float32) for size in zip(steps, channels, strict=True)]
+        self._input, self._feature = values[0], values[-1][0]
+        self._blocks = [
+            _block_arguments(shape, tap, parameters, f"blocks.{index}", *values[index : index + 2])
+            for index, tap in enumerate(taps)
+        ]
+        self._head = [_single(parameters[f"head.{layer}.{part}"].T) for layer in range(2) for part in ("weight", "bias")]
 
     def predict(self, window: np.ndarray) -> np.ndarray:
         """Newest output of the network.
@@ -176,17 +224,46 @@ class ResidualTcn:
         Returns:
             (outputs,) float32.
         """
-        np.take(window, self._input_lags, axis=0, out=self._blocks[0].input, mode="clip")
-        for block, target in zip(self._blocks, self._targets, strict=True):
-            block.run(target)
-        (hidden_matrix, hidden_bias), (matrix, bias) = self._head
-        hidden = self._feature[0] @ hidden_matrix
-        hidden += hidden_bias
-        np.maximum(hidden, 0.0, out=hidden)
-        return hidden @ matrix + bias
+        np.take(window, self._input_steps, axis=0, out=self._input, mode="clip")
+        for arguments in self._blocks:
+            _residual_block(*arguments)
+        return _head(self._feature, *self._head)
 
 
-def _head_layer(parameters: Mapping[str, np.ndarray], index: int) -> tuple[np.ndarray, np.ndarray]:
-    """Matrix (inputs, outputs) and bias (outputs,) in single precision."""
-    matrix = np.ascontiguousarray(parameters[f"head.{index}.weight"].T, np.float32)
-    return matrix, parameters[f"head.{index}.bias"].astype(np.float32)
+def _block_arguments(
+    shape: TcnShape,
+    taps: BlockTaps,
+    parameters: Mapping[str, np.ndarray],
+    prefix: str,
+    source: np.ndarray,
+    target: np.ndarray,
+) -> tuple[np.ndarray, ...]:
+    """All arguments of `_residual_block`, from `source` to `target`."""
+
+    def convolution(name: str, lags: tuple[int, ...], targets: tuple[int, ...]) -> tuple[np.ndarray, ...]:
+        # PyTorch's last tap meets the newest step; here the newest comes first.
+        weight = parameters[f"{prefix}.{name}.weight"][:, :, ::-1].transpose(2, 1, 0)
+        rows = tap_rows(lags, targets, taps.dilation, shape.kernel)
+        return rows, _single(weight), _single(parameters[f"{prefix}.{name}.bias"])
+
+    skip_weight, skip_bias = np.zeros((0, 0), np.float32), np.zeros(0, np.float32)
+    if f"{prefix}.skip.weight" in parameters:
+        skip_weight, skip_bias = (
+            _single(parameters[f"{prefix}.skip.weight"][:, :, 0].T),
+            _single(parameters[f"{prefix}.skip.bias"]),
+        )
+    return (
+        source,
+        *convolution("conv1", taps.inputs, taps.middle),
+        np.zeros((len(taps.middle), shape.width), np.float32),
+        *convolution("conv2", taps.middle, taps.outputs),
+        np.array([taps.inputs.index(lag) for lag in taps.outputs]),
+        skip_weight,
+        skip_bias,
+        target,
+    )
+
+
+def _single(values: np.ndarray) -> np.ndarray:
+    """In single precision and in one piece."""
+    return np.ascontiguousarray(values, np.float32)
