@@ -12,7 +12,7 @@ import numpy as np
 import pinocchio as pin
 
 from control.compiled import kernel
-from control.frames import quaternion_from_rotation
+from control.frames import quaternion_from_rotation, rotation_heading_to_world
 from control.joints import (
     ARM_JOINT_NAMES,
     END_EFFECTOR_FRAME,
@@ -97,7 +97,7 @@ class RobotModel:
         size = self._model.nv
         self._configuration = pin.neutral(self._model)
         self._configuration[3:] = math.nan  # unlike whatever comes first
-        self._rotation = np.eye(3)
+        self._rotation, self._heading = np.eye(3), np.eye(3)
         self.velocity = np.zeros(size)
         self.momentum = np.zeros(size)
         self.momentum_drift = np.zeros(size)
@@ -145,7 +145,8 @@ class RobotModel:
             rotation_base_to_world: (3, 3).
             joint_position: (22,) rad.
         """
-        if not configure(rotation_base_to_world, joint_position, self._position_rows, self._configuration, self._rotation):
+        rows, configuration = self._position_rows, self._configuration
+        if not configure(rotation_base_to_world, joint_position, rows, configuration, self._rotation, self._heading):
             return
         pin.computeJointJacobians(self._model, self._data, self._configuration)
         pin.updateFramePlacements(self._model, self._data)
@@ -155,6 +156,11 @@ class RobotModel:
     def rotation_base_to_world(self) -> np.ndarray:
         """(3, 3) of the last update."""
         return self._rotation
+
+    @property
+    def rotation_heading_to_world(self) -> np.ndarray:
+        """(3, 3) of the last update."""
+        return self._heading
 
     @property
     def end_effector_position(self) -> np.ndarray:
@@ -238,13 +244,14 @@ class RobotModel:
         return mask
 
 
-@kernel("b1(matrix, vector, i8[::1], f8[::1], f8[:,::1])")
+@kernel("b1(matrix, vector, i8[::1], f8[::1], f8[:,::1], f8[:,::1])")
 def configure(
     rotation_base_to_world: np.ndarray,
     joint_position: np.ndarray,
     position_rows: np.ndarray,
     configuration: np.ndarray,
     rotation: np.ndarray,
+    heading: np.ndarray,
 ) -> bool:
     """Write attitude and joints into Pinocchio's configuration; whether that changed it.
 
@@ -254,6 +261,7 @@ def configure(
         position_rows: (22,) row of each joint in the configuration.
         configuration: (29,) base position (3), base orientation xyzw (4), joints in tree order.
         rotation: (3, 3) becomes the first argument.
+        heading: (3, 3) becomes the heading frame's rotation to the world.
     """
     w, x, y, z = quaternion_from_rotation(rotation_base_to_world)
     changed = False
@@ -264,7 +272,9 @@ def configure(
         row = position_rows[joint]
         changed |= configuration[row] != joint_position[joint]
         configuration[row] = joint_position[joint]
-    rotation[:] = rotation_base_to_world
+    if changed:
+        rotation[:] = rotation_base_to_world
+        heading[:] = rotation_heading_to_world(rotation_base_to_world)
     return changed
 
 

@@ -33,7 +33,6 @@ from control.estimation.wrench_projection import (
     unconstrained_wrench,
 )
 from control.estimation.wrench_qp import WrenchProjectionError
-from control.frames import rotation_heading_to_world
 from control.joints import ARM_SLICE, LEGS
 from control.robot_model import WRENCH_SIZE, RobotModel
 from control.timing import Job, due
@@ -132,7 +131,7 @@ class AdaptiveEstimator(ProjectingEstimator):
 
     def _project(self, inputs: EstimatorInput, residual: np.ndarray) -> ForceEstimate:
         wrench = self._unconstrained_wrench()
-        turn_wrench(rotation_heading_to_world(inputs.base.rotation_base_to_world), wrench)
+        turn_wrench(inputs.model.rotation_heading_to_world, wrench)
         wheel_forces = wrench[SUPPORT_ROWS].reshape(len(LEGS), 3)
         project_on_friction_cone(wheel_forces, self._config.friction, wheel_forces)
         return ForceEstimate(wrench[FORCE_ROWS], wheel_forces, mass_scale=self._mass_scale())

@@ -47,7 +47,8 @@ class Session(Generic[BackendT]):
         check_pipeline(self.pipeline)
         self.time_s = 0.0
         self._error_power = np.full(len(self.pipeline.estimator_names), np.nan)
-        self._command = DEFAULT_COMMAND
+        self._command = self._asked_command = DEFAULT_COMMAND
+        self._asked = b""
         self._command_sequence = 0
         self._unheard_sequence = -1
         self._output: PipelineOutput | None = None
@@ -90,7 +91,10 @@ class Session(Generic[BackendT]):
 
         A base velocity whose operator has fallen silent does not act again when he is heard again, only when he asks anew.
         """
-        command, sequence = command_from_record(setpoint["command"]), int(setpoint["sequence"])
+        sequence, asked = int(setpoint["sequence"]), setpoint["command"].tobytes()
+        if asked != self._asked:
+            self._asked, self._asked_command = asked, command_from_record(setpoint["command"])
+        command = self._asked_command
         if age_s > self.pipeline.config.safety.setpoint_timeout_s:
             self._unheard_sequence = sequence
         if sequence == self._unheard_sequence:
