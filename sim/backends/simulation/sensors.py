@@ -11,6 +11,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
+from control.compiled import kernel
 from control.joints import JOINT_COUNT
 from control.timing import TICK_S
 from control.types import SensorFrame
@@ -117,29 +118,34 @@ class SensorModel:
 
     def _distort(self, ideal: SensorFrame) -> SensorFrame:
         config = self.config
-        noise = self._next_noise()
         self._torques.append(ideal.joint_torque)
-        joint_torque = self._torques[0]
-        values = np.concatenate(
-            (ideal.joint_position, ideal.joint_velocity, joint_torque, ideal.angular_velocity, ideal.linear_acceleration)
+        values, orientation = np.empty(_CHANNELS), np.empty(4)
+        _distort(
+            ideal.joint_position,
+            ideal.joint_velocity,
+            self._torques[0],
+            ideal.angular_velocity,
+            ideal.linear_acceleration,
+            ideal.orientation_wxyz,
+            self._scale,
+            self._offset,
+            self._next_noise(),
+            config.joint_position_quantum,
+            config.joint_torque_quantum,
+            self._attitude_bias,
+            self._drift_decay,
+            self._attitude_drift,
+            values,
+            orientation,
         )
-        values *= self._scale
-        values += self._offset
-        values += noise[:_CHANNELS]
-        position, torque = values[_POSITION], values[_TORQUE]
-        if config.joint_position_quantum:
-            position[:] = config.joint_position_quantum * np.rint(position / config.joint_position_quantum)
-        if config.joint_torque_quantum:
-            torque[:] = config.joint_torque_quantum * np.rint(torque / config.joint_torque_quantum)
-        self._attitude_drift = self._drift_decay * self._attitude_drift + noise[_CHANNELS:]
         return SensorFrame(
             time_s=ideal.time_s,
-            orientation_wxyz=_turned(ideal.orientation_wxyz, self._attitude_bias + self._attitude_drift),
+            orientation_wxyz=orientation,
             angular_velocity=values[_GYRO],
             linear_acceleration=values[_ACCELERATION],
-            joint_position=position,
+            joint_position=values[_POSITION],
             joint_velocity=values[_VELOCITY],
-            joint_torque=torque,
+            joint_torque=values[_TORQUE],
         )
 
     def _next_noise(self) -> np.ndarray:
@@ -152,10 +158,76 @@ class SensorModel:
         return row
 
 
-def _turned(orientation_wxyz: np.ndarray, small_angle: np.ndarray) -> np.ndarray:
-    """Orientation (4,) wxyz turned by a small rotation vector (3,) rad in its own frame. On floats, which is faster here."""
-    w, x, y, z = orientation_wxyz.tolist()
-    a, b, c = (0.5 * small_angle).tolist()
-    turned = (w - x * a - y * b - z * c, x + w * a + y * c - z * b, y + w * b + z * a - x * c, z + w * c + x * b - y * a)
-    norm = math.sqrt(sum(value * value for value in turned))
-    return np.array(turned) / norm
+@kernel("f8(f8, f8)")
+def _quantised(value: float, quantum: float) -> float:
+    """The nearest whole number of quanta; `value` itself where the quantum is 0."""
+    return quantum * np.rint(value / quantum) if quantum > 0.0 else value
+
+
+@kernel("void(vector, f8[::1], f8[::1])")
+def _turn(orientation_wxyz: np.ndarray, small_angle: np.ndarray, turned: np.ndarray) -> None:
+    """An orientation (4,) turned by a small rotation vector (3,) rad in its own frame, into `turned` (4,)."""
+    w, x, y, z = orientation_wxyz
+    a, b, c = 0.5 * small_angle[0], 0.5 * small_angle[1], 0.5 * small_angle[2]
+    turned[0] = w - x * a - y * b - z * c
+    turned[1] = x + w * a + y * c - z * b
+    turned[2] = y + w * b + z * a - x * c
+    turned[3] = z + w * c + x * b - y * a
+    turned /= math.sqrt(turned[0] ** 2 + turned[1] ** 2 + turned[2] ** 2 + turned[3] ** 2)
+
+
+@kernel(
+    "void(vector, vector, vector, vector, vector, vector, f8[::1], f8[::1], f8[::1], f8, f8, f8[::1], f8, f8[::1],"
+    " f8[::1], f8[::1])"
+)
+def _distort(
+    joint_position: np.ndarray,
+    joint_velocity: np.ndarray,
+    joint_torque: np.ndarray,
+    angular_velocity: np.ndarray,
+    linear_acceleration: np.ndarray,
+    orientation_wxyz: np.ndarray,
+    scale: np.ndarray,
+    offset: np.ndarray,
+    noise: np.ndarray,
+    position_quantum: float,
+    torque_quantum: float,
+    attitude_bias: np.ndarray,
+    drift_decay: float,
+    attitude_drift: np.ndarray,
+    values: np.ndarray,
+    orientation: np.ndarray,
+) -> None:
+    """measured = quantise(scale * ideal + offset + noise) per channel, and the attitude turned by its error.
+
+    Args:
+        joint_position, joint_velocity, joint_torque: (22,), ideal, as the following.
+        angular_velocity, linear_acceleration: (3,).
+        orientation_wxyz: (4,).
+        scale, offset: (72,) of the channels in this order, without the orientation.
+        noise: (75,) of this tick: of the channels, then the step of the attitude's drift.
+        position_quantum, torque_quantum: rad, N m.
+        attitude_bias: (3,) rad.
+        drift_decay: factor on the drift per tick.
+        attitude_drift: (3,) rad, moved on.
+        values: (72,) the channels, results, like
+        orientation: (4,).
+    """
+    n = JOINT_COUNT
+    for joint in range(n):
+        values[joint] = joint_position[joint]
+        values[n + joint] = joint_velocity[joint]
+        values[2 * n + joint] = joint_torque[joint]
+    for i in range(3):
+        values[3 * n + i] = angular_velocity[i]
+        values[3 * n + 3 + i] = linear_acceleration[i]
+    for channel in range(len(values)):
+        values[channel] = values[channel] * scale[channel] + offset[channel] + noise[channel]
+    for joint in range(n):
+        values[joint] = _quantised(values[joint], position_quantum)
+        values[2 * n + joint] = _quantised(values[2 * n + joint], torque_quantum)
+    error = np.empty(3)
+    for i in range(3):
+        attitude_drift[i] = drift_decay * attitude_drift[i] + noise[len(values) + i]
+        error[i] = attitude_bias[i] + attitude_drift[i]
+    _turn(orientation_wxyz, error, orientation)
