@@ -97,69 +97,65 @@ def parameter_shapes(shape: TcnShape) -> dict[str, tuple[int, ...]]:
     return shapes
 
 
-@kernel("void(f4[:,::1])")
-def _rectify(values: np.ndarray) -> None:
-    """relu(x) in place."""
-    for i in range(values.shape[0]):
-        for o in range(values.shape[1]):
-            values[i, o] = max(values[i, o], np.float32(0.0))
-
-
-@kernel("void(f4[:,::1], i8[:,::1], f4[:,:,::1], f4[::1], f4[:,::1])")
-def _convolve(source: np.ndarray, taps: np.ndarray, weight: np.ndarray, bias: np.ndarray, out: np.ndarray) -> None:
+@kernel("void(f4[:,::1], i8[:,::1], f4[:,::1], f4[::1], f4[:,::1], f4[:,::1])")
+def _convolve(
+    source: np.ndarray, taps: np.ndarray, weight: np.ndarray, bias: np.ndarray, stacked: np.ndarray, out: np.ndarray
+) -> None:
     """y_i = relu(b + sum_t W_t x_(taps[i, t])) for every time step i of `out`.
 
     Args:
-        source: (s, channels) x.
-        taps: (n, kernel) step of `source` under each tap; s stands for the zeros before the window.
-        weight: (kernel, channels, outputs) W.
+        source: (s + 1, channels) x, the last row zero: what lies before the window.
+        taps: (n, kernel) row of `source` under each tap.
+        weight: (kernel * channels, outputs) W, one tap after the other.
         bias: (outputs,) b.
+        stacked: (n, kernel * channels) room for what lies under the taps.
         out: (n, outputs) y.
     """
+    channels = source.shape[1]
+    for i in range(taps.shape[0]):
+        for tap in range(taps.shape[1]):
+            for channel in range(channels):
+                stacked[i, tap * channels + channel] = source[taps[i, tap], channel]
+    np.dot(stacked, weight, out)
     for i in range(len(out)):
-        out[i] = bias
-    # Every weight is read once, while the time steps stay in the first cache.
-    for tap in range(weight.shape[0]):
-        for channel in range(weight.shape[1]):
-            for i in range(len(out)):
-                if taps[i, tap] < len(source):
-                    value = source[taps[i, tap], channel]
-                    if value != np.float32(0.0):
-                        for o in range(len(bias)):
-                            out[i, o] += value * weight[tap, channel, o]
-    _rectify(out)
+        for o in range(len(bias)):
+            out[i, o] = max(out[i, o] + bias[o], np.float32(0.0))
 
 
-@kernel(
-    "void(f4[:,::1], i8[:,::1], f4[:,:,::1], f4[::1], f4[:,::1], i8[:,::1], f4[:,:,::1], f4[::1],"
-    " i8[::1], f4[:,::1], f4[::1], f4[:,::1])"
-)
+_CONVOLUTION = "i8[:,::1], f4[:,::1], f4[::1], f4[:,::1], f4[:,::1]"
+
+
+@kernel(f"void(f4[:,::1], {_CONVOLUTION}, f4[:,::1], {_CONVOLUTION}, i8[::1], f4[:,::1], f4[::1])")
 def _residual_block(
     source: np.ndarray,
     taps1: np.ndarray,
     weight1: np.ndarray,
     bias1: np.ndarray,
+    stacked1: np.ndarray,
     middle: np.ndarray,
+    padded_middle: np.ndarray,
     taps2: np.ndarray,
     weight2: np.ndarray,
     bias2: np.ndarray,
+    stacked2: np.ndarray,
+    out: np.ndarray,
     skip_steps: np.ndarray,
     skip_weight: np.ndarray,
     skip_bias: np.ndarray,
-    out: np.ndarray,
 ) -> None:
     """One block: y = relu(conv2(conv1(x)) + S x), S the identity where `skip_weight` is empty.
 
     Args:
-        source: (s, channels) x.
-        taps1, weight1, bias1, taps2, weight2, bias2: of the convolutions, see `_convolve`.
-        middle: (m, width) room for what the first one gives.
-        skip_steps: (n,) step of `source` at each step of `out`.
-        skip_weight, skip_bias: (channels, width) and (width,) of S.
+        source: (s + 1, channels) x, the last row zero.
+        taps1, weight1, bias1, stacked1, taps2, weight2, bias2, stacked2: of the convolutions, see `_convolve`.
+        middle: (m, width) what the first one gives; in the memory of
+        padded_middle: (m + 1, width), whose last row is zero.
         out: (n, width) y.
+        skip_steps: (n,) row of `source` at each step of `out`.
+        skip_weight, skip_bias: (channels, width) and (width,) of S.
     """
-    _convolve(source, taps1, weight1, bias1, middle)
-    _convolve(middle, taps2, weight2, bias2, out)
+    _convolve(source, taps1, weight1, bias1, stacked1, middle)
+    _convolve(padded_middle, taps2, weight2, bias2, stacked2, out)
     for i in range(len(out)):
         skipped = source[skip_steps[i]]
         if len(skip_weight) == 0:
@@ -171,7 +167,8 @@ def _residual_block(
             for channel in range(len(skipped)):
                 for o in range(len(skip_bias)):
                     out[i, o] += skipped[channel] * skip_weight[channel, o]
-    _rectify(out)
+        for o in range(out.shape[1]):
+            out[i, o] = max(out[i, o], np.float32(0.0))
 
 
 @kernel("f4[::1](f4[::1], f4[:,::1], f4[::1], f4[:,::1], f4[::1])")
@@ -207,8 +204,8 @@ class ResidualTcn:
         self._input_steps = np.array([shape.history - 1 - lag for lag in taps[0].inputs])
         channels = [shape.inputs, *[shape.width] * len(taps)]
         steps = [*(len(tap.inputs) for tap in taps), 1]
-        values = [np.zeros(size, np.float32) for size in zip(steps, channels, strict=True)]
-        self._input, self._feature = values[0], values[-1][0]
+        values = [np.zeros((count + 1, width), np.float32) for count, width in zip(steps, channels, strict=True)]
+        self._input, self._feature = values[0][:-1], values[-1][0]
         self._blocks = [
             _block_arguments(shape, tap, parameters, f"blocks.{index}", *values[index : index + 2])
             for index, tap in enumerate(taps)
@@ -238,29 +235,29 @@ def _block_arguments(
     source: np.ndarray,
     target: np.ndarray,
 ) -> tuple[np.ndarray, ...]:
-    """All arguments of `_residual_block`, from `source` to `target`."""
+    """All arguments of `_residual_block`, from `source` to `target`, which both have a row of zeros at their end."""
 
-    def convolution(name: str, lags: tuple[int, ...], targets: tuple[int, ...]) -> tuple[np.ndarray, ...]:
+    def convolution(name: str, lags: tuple[int, ...], targets: tuple[int, ...], out: np.ndarray) -> tuple[np.ndarray, ...]:
         # PyTorch's last tap meets the newest step; here the newest comes first.
-        weight = parameters[f"{prefix}.{name}.weight"][:, :, ::-1].transpose(2, 1, 0)
+        flipped = parameters[f"{prefix}.{name}.weight"][:, :, ::-1].transpose(2, 1, 0)
+        weight = _single(flipped.reshape(-1, shape.width))
         rows = tap_rows(lags, targets, taps.dilation, shape.kernel)
-        return rows, _single(weight), _single(parameters[f"{prefix}.{name}.bias"])
+        stacked = np.zeros((len(rows), len(weight)), np.float32)
+        return rows, weight, _single(parameters[f"{prefix}.{name}.bias"]), stacked, out
 
     skip_weight, skip_bias = np.zeros((0, 0), np.float32), np.zeros(0, np.float32)
     if f"{prefix}.skip.weight" in parameters:
-        skip_weight, skip_bias = (
-            _single(parameters[f"{prefix}.skip.weight"][:, :, 0].T),
-            _single(parameters[f"{prefix}.skip.bias"]),
-        )
+        skip_weight = _single(parameters[f"{prefix}.skip.weight"][:, :, 0].T)
+        skip_bias = _single(parameters[f"{prefix}.skip.bias"])
+    middle = np.zeros((len(taps.middle) + 1, shape.width), np.float32)
     return (
         source,
-        *convolution("conv1", taps.inputs, taps.middle),
-        np.zeros((len(taps.middle), shape.width), np.float32),
-        *convolution("conv2", taps.middle, taps.outputs),
+        *convolution("conv1", taps.inputs, taps.middle, middle[:-1]),
+        middle,
+        *convolution("conv2", taps.middle, taps.outputs, target[:-1]),
         np.array([taps.inputs.index(lag) for lag in taps.outputs]),
         skip_weight,
         skip_bias,
-        target,
     )
 
 
