@@ -235,7 +235,7 @@ class Pipeline:
                 self._control(ControllerInput(sensor, base, self.model, self._applied, hand.force_estimated_n))
             self._starting = False
         failures = self._failures.at(self._tick)
-        reported = reduce(or_, failures, self._limited)
+        reported = reduce(or_, failures, self._limited) if failures else self._limited
         if estimate is None or estimate.stale:
             reported |= Fault.ESTIMATOR_STALE
         joint_command, safety = self._safety.step(sensor, base, reported)

@@ -52,15 +52,16 @@ def middle(a: float, b: float, c: float, d: float) -> float:
 
 
 @kernel(
-    "Tuple((b1, f8))(f8[:,::1], f8[::1], vector, f8[:,::1], f8[:,::1], f8[::1], f8[::1], b1, f8, f8, f8[::1], f8[::1])",
+    "Tuple((b1, f8))(f8[:,::1], f8[::1], vector, vector, i8[::1], f8[:,::1], f8[:,::1], f8[::1], b1, f8, f8, f8[::1], f8[::1])"
 )
 def complementary_filter(
     rotation_base_to_world: np.ndarray,
     rates: np.ndarray,
     acceleration: np.ndarray,
+    joint_velocity: np.ndarray,
+    joint_rows: np.ndarray,
     jacobian: np.ndarray,
     contact_points: np.ndarray,
-    velocity: np.ndarray,
     lever: np.ndarray,
     started: bool,
     period_s: float,
@@ -74,9 +75,10 @@ def complementary_filter(
         rotation_base_to_world: (3, 3).
         rates: (3,) rad/s, in base.
         acceleration: (3,) m/s^2, specific force at the IMU, in base axes.
+        joint_velocity: (22,) rad/s.
+        joint_rows: (22,) generalized row of each joint.
         jacobian: (18, 28) B^T of eq. (9).
         contact_points: (4, 3) m, world-aligned, from the base origin.
-        velocity: (28,) v with the rates and joint velocities; its first three entries are not read.
         lever: (3,) m, IMU in base.
         started: whether `imu_velocity` is the filter's state already; else rolling contact starts it.
         period_s, crossover_s: s.
@@ -87,6 +89,8 @@ def complementary_filter(
         Whether the result is finite, and the height of the base origin above the ground, m.
     """
     r = rotation_base_to_world
+    velocity = np.empty(jacobian.shape[1])
+    stack_velocity(_UNKNOWN, rates, joint_velocity, joint_rows, velocity)
     cross = (
         rates[1] * lever[2] - rates[2] * lever[1],
         rates[2] * lever[0] - rates[0] * lever[2],
@@ -127,7 +131,6 @@ class BaseStateEstimator:
     def __init__(self, config: BaseStateConfig, model: RobotModel) -> None:
         self._config = config
         self._model = model
-        self._velocity = np.zeros(len(model.velocity))
         self._imu_velocity = np.zeros(3)
         self.reset()
 
@@ -146,15 +149,15 @@ class BaseStateEstimator:
         model, config = self._model, self._config
         rotation, rates = rotation_from_quaternion(sensor.orientation_wxyz), np.array(sensor.angular_velocity)
         model.update_configuration(rotation, sensor.joint_position)
-        stack_velocity(_UNKNOWN, rates, sensor.joint_velocity, model.joint_rows, self._velocity)
         velocity = np.empty(3)
         finite, height = complementary_filter(
             rotation,
             rates,
             sensor.linear_acceleration,
+            sensor.joint_velocity,
+            model.joint_rows,
             model.wrench_jacobian,
             model.wheel_contact_positions,
-            self._velocity,
             model.imu_position_in_base,
             self._last is not None,
             config.period_s,

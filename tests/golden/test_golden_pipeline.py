@@ -35,8 +35,8 @@ ALLOWED = {
     "hybrid_paper.force": 5e-3,
 }
 SHOWN_ANEW = ("gmo_cqp.force", "gmo_cqp.wheel_forces")
-"""Recorded while gmo_cqp was shown in a slot of its own. It is now in that of hybrid_paper, which contains its estimate, so that
-the program is solved once for both; and a stale estimate, of which there is one, repeats that of another tick."""
+"""Recorded while gmo_cqp was shown in a slot of its own. It is now in that of hybrid_paper, which contains its estimate, so
+that the program is solved once for both; and a stale estimate, of which there is one, repeats that of another tick."""
 EXACT = ("faults", *(f"{name}.stale" for name in MODEL_BASED_NAMES))
 FREE_OF_NETWORKS = slice(FREE.ticks, FREE.ticks + MODEL_BASED.ticks)
 """Ticks at which controller and selected estimator compute in double precision."""

@@ -11,7 +11,6 @@ from control.estimation.networks.force_features import (
     SIGMA_DRIVERS,
     SIGMA_GROUPS,
     feature_columns,
-    features,
     increment_columns,
     numbers,
     sigma_drivers,
@@ -110,6 +109,9 @@ def _take_in(
     return True
 
 
+_NO_DRIVERS = np.zeros((1, SIGMA_DRIVERS))
+
+
 class ForceNetwork:
     """A trained network from signals to force: keeps the window of features.
 
@@ -129,7 +131,7 @@ class ForceNetwork:
                 raise ValueError(f"array {name!r} of shape ({manifest.shape.inputs},) is missing")
         self._mean = arrays["feature_mean"].astype(float)
         self._inverse_std = 1.0 / arrays["feature_std"].astype(float)
-        self._columns = feature_columns(manifest.feature_groups)
+        self._columns, self._sigma_columns = feature_columns(manifest.feature_groups), feature_columns(SIGMA_GROUPS)
         self._increments = increment_columns(manifest.feature_groups, manifest.increment_groups)
         self._window = np.zeros((manifest.shape.history, manifest.shape.inputs))
         self._before = np.zeros(manifest.shape.inputs)
@@ -159,7 +161,10 @@ class ForceNetwork:
             raise SampleError(f"not finite: {', '.join(names[:3])}{' and more' if len(names) > 3 else ''}")
         self._started = True
         raw = self._tcn.predict(self._window)[None]
-        drivers = sigma_drivers(self._window[None], self._increments, features(SIGMA_GROUPS, signals))
+        drivers = _NO_DRIVERS
+        if self.manifest.sigma_scale is not None:
+            mass_scales = numbers(signals)[:, self._sigma_columns]
+            drivers = sigma_drivers(self._window[None], self._increments, mass_scales)
         force, sigma = self._output(raw, drivers)
         return force[0], None if sigma is None else sigma[0]
 

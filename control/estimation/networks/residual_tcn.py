@@ -122,67 +122,103 @@ def _convolve(
             out[i, o] = max(out[i, o] + bias[o], np.float32(0.0))
 
 
-_CONVOLUTION = "i8[:,::1], f4[:,::1], f4[::1], f4[:,::1], f4[:,::1]"
-
-
-@kernel(f"void(f4[:,::1], {_CONVOLUTION}, f4[:,::1], {_CONVOLUTION}, i8[::1], f4[:,::1], f4[::1])")
-def _residual_block(
-    source: np.ndarray,
-    taps1: np.ndarray,
-    weight1: np.ndarray,
-    bias1: np.ndarray,
-    stacked1: np.ndarray,
-    middle: np.ndarray,
-    padded_middle: np.ndarray,
-    taps2: np.ndarray,
-    weight2: np.ndarray,
-    bias2: np.ndarray,
-    stacked2: np.ndarray,
-    out: np.ndarray,
-    skip_steps: np.ndarray,
-    skip_weight: np.ndarray,
-    skip_bias: np.ndarray,
-) -> None:
-    """One block: y = relu(conv2(conv1(x)) + S x), S the identity where `skip_weight` is empty.
+@kernel("void(f4[:,::1], i8[::1], f4[::1], f4[:,::1])")
+def _add_skip(source: np.ndarray, steps: np.ndarray, parameters: np.ndarray, out: np.ndarray) -> None:
+    """y_i = relu(y_i + S x_(steps[i])) in place.
 
     Args:
-        source: (s + 1, channels) x, the last row zero.
-        taps1, weight1, bias1, stacked1, taps2, weight2, bias2, stacked2: of the convolutions, see `_convolve`.
-        middle: (m, width) what the first one gives; in the memory of
-        padded_middle: (m + 1, width), whose last row is zero.
+        source: (s + 1, channels) x.
+        steps: (n,) row of `source` at each step of `out`.
+        parameters: of S, weight (channels, width) and bias (width,); none where S is the identity.
         out: (n, width) y.
-        skip_steps: (n,) row of `source` at each step of `out`.
-        skip_weight, skip_bias: (channels, width) and (width,) of S.
     """
-    _convolve(source, taps1, weight1, bias1, stacked1, middle)
-    _convolve(padded_middle, taps2, weight2, bias2, stacked2, out)
+    channels, width = source.shape[1], out.shape[1]
     for i in range(len(out)):
-        skipped = source[skip_steps[i]]
-        if len(skip_weight) == 0:
-            for o in range(len(skipped)):
-                out[i, o] += skipped[o]
-        else:
-            for o in range(len(skip_bias)):
-                out[i, o] += skip_bias[o]
-            for channel in range(len(skipped)):
-                for o in range(len(skip_bias)):
-                    out[i, o] += skipped[channel] * skip_weight[channel, o]
-        for o in range(out.shape[1]):
+        skipped = source[steps[i]]
+        for o in range(width):
+            out[i, o] += skipped[o] if len(parameters) == 0 else parameters[channels * width + o]
+        if len(parameters) > 0:
+            for channel in range(channels):
+                for o in range(width):
+                    out[i, o] += skipped[channel] * parameters[channel * width + o]
+        for o in range(width):
             out[i, o] = max(out[i, o], np.float32(0.0))
 
 
-@kernel("f4[::1](f4[::1], f4[:,::1], f4[::1], f4[:,::1], f4[::1])")
-def _head(feature: np.ndarray, weight1: np.ndarray, bias1: np.ndarray, weight2: np.ndarray, bias2: np.ndarray) -> np.ndarray:
-    """W2 relu(W1 x + b1) + b2 (outputs,) of x (width,); the weights are (inputs, outputs)."""
-    hidden, out = bias1.copy(), bias2.copy()
-    for i in range(len(feature)):
-        for o in range(len(hidden)):
-            hidden[o] += feature[i] * weight1[i, o]
-    for i in range(len(hidden)):
+@kernel("f4[::1](f4[::1], f4[::1], i8, i8)")
+def _head(feature: np.ndarray, parameters: np.ndarray, size: int, outputs: int) -> np.ndarray:
+    """W2 relu(W1 x + b1) + b2 (outputs,) of x (width,) by `size` hidden units; W1, b1, W2, b2 in turn are the parameters."""
+    width = len(feature)
+    second = (width + 1) * size
+    hidden = parameters[width * size : second].copy()
+    for i in range(width):
+        for o in range(size):
+            hidden[o] += feature[i] * parameters[i * size + o]
+    out = parameters[second + size * outputs :].copy()
+    for i in range(size):
         if hidden[i] > np.float32(0.0):
-            for o in range(len(out)):
-                out[o] += hidden[i] * weight2[i, o]
+            for o in range(outputs):
+                out[o] += hidden[i] * parameters[second + i * outputs + o]
     return out
+
+
+@kernel("f4[::1](i8[::1], i8[:,::1], i8[::1], f4[::1], f4[::1], f4[::1], matrix)")
+def _evaluate(
+    shape: np.ndarray,
+    sizes: np.ndarray,
+    rows: np.ndarray,
+    parameters: np.ndarray,
+    values: np.ndarray,
+    stacked: np.ndarray,
+    window: np.ndarray,
+) -> np.ndarray:
+    """Newest output (outputs,) of the network: blocks y = relu(conv2(conv1(x)) + S x), then the head.
+
+    All that a network holds lies in a few arrays, because every array that a kernel is given costs time.
+
+    Args:
+        shape: (4,) width, kernel, head, outputs.
+        sizes: (blocks, 3) time steps of each block's input, middle and output.
+        rows: steps of the window that are read; then of each block the rows under the taps of both convolutions and those of
+            the skip.
+        parameters: of each block weight and bias of both convolutions, see `_convolve`, and of the skip; then of the head.
+        values: room for the input and the middle of each block, each with a row of zeros at its end, and for the last output.
+        stacked: room for `_convolve`.
+        window: (H, inputs) normalised features, oldest first.
+    """
+    width, taps, head, outputs = shape
+    channels = window.shape[1]
+    row, parameter, first = sizes[0, 0], 0, 0
+    for i in range(row):
+        for channel in range(channels):
+            values[i * channels + channel] = window[rows[i], channel]
+    for block in range(len(sizes)):
+        source = values[first : first + (sizes[block, 0] + 1) * channels].reshape((sizes[block, 0] + 1, channels))
+        first += source.size
+        for layer in range(1, 3):
+            count = sizes[block, layer]
+            out = values[first : first + count * width].reshape((count, width))
+            under = rows[row : row + count * taps].reshape((count, taps))
+            row += under.size
+            given = (
+                source
+                if layer == 1
+                else values[first - (sizes[block, 1] + 1) * width : first].reshape((sizes[block, 1] + 1, width))
+            )
+            size = taps * given.shape[1]
+            weight = parameters[parameter : parameter + size * width].reshape((size, width))
+            parameter += weight.size
+            bias = parameters[parameter : parameter + width]
+            parameter += width
+            _convolve(given, under, weight, bias, stacked[: count * size].reshape((count, size)), out)
+            if layer == 1:
+                first += (count + 1) * width
+        skip = 0 if channels == width else (channels + 1) * width
+        _add_skip(source, rows[row : row + len(out)], parameters[parameter : parameter + skip], out)
+        row += len(out)
+        parameter += skip
+        channels = width
+    return _head(values[first : first + width], parameters[parameter:], head, outputs)
 
 
 class ResidualTcn:
@@ -201,16 +237,21 @@ class ResidualTcn:
                 raise ValueError(f"network parameter {name!r} has shape {parameters[name].shape}, expected {expected}")
         self.shape = shape
         taps = block_taps(shape)
-        self._input_steps = np.array([shape.history - 1 - lag for lag in taps[0].inputs])
-        channels = [shape.inputs, *[shape.width] * len(taps)]
-        steps = [*(len(tap.inputs) for tap in taps), 1]
-        values = [np.zeros((count + 1, width), np.float32) for count, width in zip(steps, channels, strict=True)]
-        self._input, self._feature = values[0][:-1], values[-1][0]
-        self._blocks = [
-            _block_arguments(shape, tap, parameters, f"blocks.{index}", *values[index : index + 2])
-            for index, tap in enumerate(taps)
-        ]
-        self._head = [_single(parameters[f"head.{layer}.{part}"].T) for layer in range(2) for part in ("weight", "bias")]
+        self._shape = np.array([shape.width, shape.kernel, shape.head, shape.outputs])
+        self._sizes = np.array([[len(tap.inputs), len(tap.middle), len(tap.outputs)] for tap in taps])
+        rows = [np.array([shape.history - 1 - lag for lag in taps[0].inputs])]
+        for tap in taps:
+            rows.append(tap_rows(tap.inputs, tap.middle, tap.dilation, shape.kernel))
+            rows.append(tap_rows(tap.middle, tap.outputs, tap.dilation, shape.kernel))
+            rows.append(np.array([tap.inputs.index(lag) for lag in tap.outputs]))
+        self._rows = np.concatenate([part.ravel() for part in rows])
+        flat = [_kernel_order(parameters[name]).ravel() for name in parameter_shapes(shape)]
+        self._parameters = np.concatenate(flat).astype(np.float32)
+        channels = [shape.inputs, *[shape.width] * (len(taps) - 1)]
+        room = sum((len(t.inputs) + 1) * c + (len(t.middle) + 1) * shape.width for t, c in zip(taps, channels, strict=True))
+        self._values = np.zeros(room + shape.width, np.float32)
+        widest = max(shape.inputs, shape.width)
+        self._stacked = np.zeros(int(self._sizes.max()) * shape.kernel * widest, np.float32)
 
     def predict(self, window: np.ndarray) -> np.ndarray:
         """Newest output of the network.
@@ -221,46 +262,9 @@ class ResidualTcn:
         Returns:
             (outputs,) float32.
         """
-        np.take(window, self._input_steps, axis=0, out=self._input, mode="clip")
-        for arguments in self._blocks:
-            _residual_block(*arguments)
-        return _head(self._feature, *self._head)
+        return _evaluate(self._shape, self._sizes, self._rows, self._parameters, self._values, self._stacked, window)
 
 
-def _block_arguments(
-    shape: TcnShape,
-    taps: BlockTaps,
-    parameters: Mapping[str, np.ndarray],
-    prefix: str,
-    source: np.ndarray,
-    target: np.ndarray,
-) -> tuple[np.ndarray, ...]:
-    """All arguments of `_residual_block`, from `source` to `target`, which both have a row of zeros at their end."""
-
-    def convolution(name: str, lags: tuple[int, ...], targets: tuple[int, ...], out: np.ndarray) -> tuple[np.ndarray, ...]:
-        # PyTorch's last tap meets the newest step; here the newest comes first.
-        flipped = parameters[f"{prefix}.{name}.weight"][:, :, ::-1].transpose(2, 1, 0)
-        weight = _single(flipped.reshape(-1, shape.width))
-        rows = tap_rows(lags, targets, taps.dilation, shape.kernel)
-        stacked = np.zeros((len(rows), len(weight)), np.float32)
-        return rows, weight, _single(parameters[f"{prefix}.{name}.bias"]), stacked, out
-
-    skip_weight, skip_bias = np.zeros((0, 0), np.float32), np.zeros(0, np.float32)
-    if f"{prefix}.skip.weight" in parameters:
-        skip_weight = _single(parameters[f"{prefix}.skip.weight"][:, :, 0].T)
-        skip_bias = _single(parameters[f"{prefix}.skip.bias"])
-    middle = np.zeros((len(taps.middle) + 1, shape.width), np.float32)
-    return (
-        source,
-        *convolution("conv1", taps.inputs, taps.middle, middle[:-1]),
-        middle,
-        *convolution("conv2", taps.middle, taps.outputs, target[:-1]),
-        np.array([taps.inputs.index(lag) for lag in taps.outputs]),
-        skip_weight,
-        skip_bias,
-    )
-
-
-def _single(values: np.ndarray) -> np.ndarray:
-    """In single precision and in one piece."""
-    return np.ascontiguousarray(values, np.float32)
+def _kernel_order(parameter: np.ndarray) -> np.ndarray:
+    """A parameter of PyTorch's layout as the kernels read it: (taps, inputs, outputs), the newest tap first."""
+    return parameter[:, :, ::-1].transpose(2, 1, 0) if parameter.ndim == 3 else parameter.T

@@ -66,7 +66,7 @@ def test_it_equals_the_full_network_and_pytorch(shape: TcnShape) -> None:
     for _ in range(3):
         window = random.standard_normal((shape.history, shape.inputs)).astype(np.float32)
         expected = dense_network(shape, parameters, window)[-1]
-        np.testing.assert_allclose(network.predict(window), expected, atol=1e-5)
+        np.testing.assert_allclose(network.predict(window.astype(float)), expected, atol=1e-5)
         with torch.no_grad():
             np.testing.assert_allclose(module(torch.from_numpy(window)[None])[0].numpy(), expected, atol=1e-5)
 
@@ -83,7 +83,7 @@ def test_the_network_is_causal_and_uses_its_whole_history() -> None:
         np.testing.assert_array_equal(after[:step], before[:step])
         assert np.abs(after[-1] - before[-1]).max() > 1e-6
     network = ResidualTcn(shape, parameters)
-    np.testing.assert_allclose(network.predict(window), before[-1], atol=1e-5)
+    np.testing.assert_allclose(network.predict(window.astype(float)), before[-1], atol=1e-5)
 
 
 @pytest.mark.parametrize("name", ["blocks.0.conv1.weight", "head.1.bias"])
