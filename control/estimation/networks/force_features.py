@@ -105,13 +105,13 @@ def feature_columns(groups: tuple[str, ...]) -> np.ndarray:
 
 
 def numbers(signals: np.ndarray) -> np.ndarray:
-    """(n, columns) the SIGNALS (n,) as plain numbers, in the same memory."""
-    return signals.view(float).reshape(len(signals), -1)
+    """(n * columns,) the SIGNALS (n,) as plain numbers, in the same memory."""
+    return signals.view(float)
 
 
 def features(groups: tuple[str, ...], signals: np.ndarray) -> np.ndarray:
     """(n, len(feature_names(groups))) features of SIGNALS (n,), not normalised."""
-    return numbers(signals)[:, feature_columns(groups)]
+    return numbers(signals).reshape(len(signals), -1)[:, feature_columns(groups)]
 
 
 def increment_columns(groups: tuple[str, ...], increment_groups: tuple[str, ...]) -> np.ndarray:
@@ -134,20 +134,25 @@ def sigma_drivers(windows: np.ndarray, increments: np.ndarray, mass_scales: np.n
         (n, SIGMA_DRIVERS): difference of the mass scales, then the logarithm of the mean length of the window's H increments.
     """
     drivers = np.empty((len(windows), SIGMA_DRIVERS))
-    _sigma_drivers(np.asarray(windows, float), increments, mass_scales, drivers)
+    _all_sigma_drivers(np.asarray(windows, float), increments, mass_scales, drivers)
     return drivers
 
 
+@kernel("UniTuple(f8, 2)(matrix, f8[::1], f8, f8)")
+def sigma_drivers_of(window: np.ndarray, increments: np.ndarray, arm_scale: float, rest_scale: float) -> tuple[float, float]:
+    """See `sigma_drivers`: |s_arm - s_rest|, and log(c + 1/H sum_t |increments_t|), of one window (H, features)."""
+    steps, size = window.shape
+    change = 0.0
+    for t in range(steps):
+        square = 0.0
+        for i in range(size):
+            square += increments[i] * window[t, i] * window[t, i]
+        change += math.sqrt(square)
+    return abs(arm_scale - rest_scale), math.log(_CHANGE_FLOOR + change / steps)
+
+
 @kernel("void(Array(f8, 3, 'A', readonly=True), f8[::1], matrix, f8[:,::1])")
-def _sigma_drivers(windows: np.ndarray, increments: np.ndarray, mass_scales: np.ndarray, drivers: np.ndarray) -> None:
-    """See `sigma_drivers`: |s_arm - s_rest|, and log(c + 1/H sum_t |increments_t|)."""
-    count, steps, size = windows.shape
-    for n in range(count):
-        change = 0.0
-        for t in range(steps):
-            square = 0.0
-            for i in range(size):
-                square += increments[i] * windows[n, t, i] * windows[n, t, i]
-            change += math.sqrt(square)
-        drivers[n, 0] = abs(mass_scales[n, 0] - mass_scales[n, 1])
-        drivers[n, 1] = math.log(_CHANGE_FLOOR + change / steps)
+def _all_sigma_drivers(windows: np.ndarray, increments: np.ndarray, mass_scales: np.ndarray, drivers: np.ndarray) -> None:
+    """See `sigma_drivers`."""
+    for n in range(len(windows)):
+        drivers[n] = sigma_drivers_of(windows[n], increments, mass_scales[n, 0], mass_scales[n, 1])

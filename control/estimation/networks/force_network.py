@@ -13,7 +13,7 @@ from control.estimation.networks.force_features import (
     feature_columns,
     increment_columns,
     numbers,
-    sigma_drivers,
+    sigma_drivers_of,
 )
 from control.estimation.networks.residual_tcn import ResidualTcn, TcnShape
 from control.records import packed, record
@@ -72,9 +72,10 @@ class SampleError(ValueError):
     """A step's features are not all finite; the message names some that are not."""
 
 
-@kernel("b1(f8[::1], f8[::1], b1, f8[::1], f8[::1], f8[::1], f8[:,::1])")
+@kernel("b1(f8[::1], i8[::1], f8[::1], b1, f8[::1], f8[::1], f8[::1], f8[:,::1])")
 def _take_in(
-    newest: np.ndarray,
+    signals: np.ndarray,
+    columns: np.ndarray,
     before: np.ndarray,
     started: bool,
     increments: np.ndarray,
@@ -85,8 +86,9 @@ def _take_in(
     """Add a step to the window; False, and nothing changes, where it is not finite.
 
     Args:
-        newest: (features,) of this step.
-        before: (features,) of the step before, becomes `newest`.
+        signals: (columns,) of this step, see `numbers`.
+        columns: (features,) which of them the features are.
+        before: (features,) of the step before, become those of this one.
         started: whether there was a step before; else this one fills the window.
         increments: (features,) 1 where the network sees the change from the step before, else 0.
         mean, inverse_std: (features,) of the normalisation.
@@ -94,22 +96,99 @@ def _take_in(
     """
     steps, size = window.shape
     for i in range(size):
-        if not math.isfinite(newest[i]):
+        if not math.isfinite(signals[columns[i]]):
             return False
     for t in range(steps - 1):
         for i in range(size):
             window[t, i] = window[t + 1, i]
     for i in range(size):
-        last = before[i] if started else newest[i]
-        value = (newest[i] - increments[i] * last - mean[i]) * inverse_std[i]
+        newest = signals[columns[i]]
+        last = before[i] if started else newest
+        value = (newest - increments[i] * last - mean[i]) * inverse_std[i]
         value = clip(value, -NORMALIZED_LIMIT, NORMALIZED_LIMIT)
         for t in range(steps - 1 if started else 0, steps):
             window[t, i] = value
-        before[i] = newest[i]
+        before[i] = newest
     return True
 
 
-_NO_DRIVERS = np.zeros((1, SIGMA_DRIVERS))
+OUTPUT_SCALE = record(scale_n=(), limit_n=3, noise_n=(), sigma_scale=3, sigma_slopes=SIGMA_DRIVERS)
+"""The numbers of a NetworkManifest that turn raw outputs into newtons."""
+
+
+@kernel("void(Scale, Array(f4, 1, 'A', readonly=True), f8, f8, b1, f8[:], f8[:])", Scale=OUTPUT_SCALE)
+def _scale_output(
+    scale: np.record, raw: np.ndarray, unlike: float, change: float, gaussian: bool, force: np.ndarray, sigma: np.ndarray
+) -> None:
+    """f = clip(s y, +-limit), shrunk by f^2 / (f^2 + noise^2); sigma = s k exp(clip(log variance) / 2 + slopes . drivers).
+
+    Args:
+        raw: (outputs,) y, and with `gaussian` the logarithms of its variances.
+        unlike, change: of `sigma_drivers`.
+        force, sigma: (3,) N, the results; sigma only with `gaussian`.
+    """
+    low, high = LOG_VARIANCE_RANGE
+    driven = scale.sigma_slopes[0] * unlike + scale.sigma_slopes[1] * change
+    for i in range(3):
+        value = clip(scale.scale_n * raw[i], -scale.limit_n[i], scale.limit_n[i])
+        power = value * value
+        if scale.noise_n > 0.0:
+            value *= power / (power + scale.noise_n * scale.noise_n)
+        force[i] = value
+        if gaussian:
+            sigma[i] = scale.scale_n * scale.sigma_scale[i] * math.exp(0.5 * clip(raw[3 + i], low, high) + driven)
+
+
+@kernel("void(Scale[::1], Array(f4, 2, 'A', readonly=True), matrix, b1, f8[:,::1], f8[:,::1])", Scale=OUTPUT_SCALE)
+def _scale_outputs(
+    scale: np.ndarray, raw: np.ndarray, drivers: np.ndarray, gaussian: bool, force: np.ndarray, sigma: np.ndarray
+) -> None:
+    """See `_scale_output`; of n steps each."""
+    for n in range(len(raw)):
+        _scale_output(scale[0], raw[n], drivers[n, 0], drivers[n, 1], gaussian, force[n], sigma[n])
+
+
+@kernel("void(Scale[::1], f4[::1], f8[:,::1], f8[::1], f8[::1], i8[::1], b1, f8[::1], f8[::1])", Scale=OUTPUT_SCALE)
+def _scale_newest(
+    scale: np.ndarray,
+    raw: np.ndarray,
+    window: np.ndarray,
+    increments: np.ndarray,
+    signals: np.ndarray,
+    mass_columns: np.ndarray,
+    gaussian: bool,
+    force: np.ndarray,
+    sigma: np.ndarray,
+) -> None:
+    """See `_scale_output`; with the drivers of a window (H, features) and of the mass scales among `signals` (columns,)."""
+    unlike, change = 0.0, 0.0
+    if gaussian:
+        arm, rest = signals[mass_columns[0]], signals[mass_columns[1]]
+        unlike, change = sigma_drivers_of(window, increments, arm, rest)
+    _scale_output(scale[0], raw, unlike, change, gaussian, force, sigma)
+
+
+def output_record(manifest: NetworkManifest) -> np.ndarray:
+    """OUTPUT_SCALE (1,) of a manifest."""
+    return packed(
+        OUTPUT_SCALE,
+        scale_n=manifest.output_scale_n,
+        limit_n=manifest.output_limit_n,
+        noise_n=manifest.output_noise_n,
+        sigma_scale=manifest.sigma_scale or np.nan,
+        sigma_slopes=manifest.sigma_slopes or 0.0,
+    )
+
+
+def scale_outputs(raw: np.ndarray, drivers: np.ndarray, manifest: NetworkManifest) -> tuple[np.ndarray, np.ndarray | None]:
+    """Force (n, 3) N and standard deviation (n, 3) N, or None, of a network's raw outputs (n, outputs), float32.
+
+    `drivers`: (n, SIGMA_DRIVERS) of `sigma_drivers`.
+    """
+    force, sigma = np.empty((len(raw), 3)), np.empty((len(raw), 3))
+    gaussian = manifest.sigma_scale is not None
+    _scale_outputs(output_record(manifest), raw, drivers, gaussian, force, sigma)
+    return force, sigma if gaussian else None
 
 
 class ForceNetwork:
@@ -135,7 +214,8 @@ class ForceNetwork:
         self._increments = increment_columns(manifest.feature_groups, manifest.increment_groups)
         self._window = np.zeros((manifest.shape.history, manifest.shape.inputs))
         self._before = np.zeros(manifest.shape.inputs)
-        self._output = OutputScale(manifest)
+        self._gaussian = manifest.sigma_scale is not None
+        self._output = output_record(manifest)
         self.reset()
 
     def reset(self) -> None:
@@ -155,68 +235,14 @@ class ForceNetwork:
         Raises:
             SampleError: a feature is not finite; the window stays as it was, as if there had been no such step.
         """
-        newest = numbers(signals)[0, self._columns]
-        if not _take_in(newest, self._before, self._started, self._increments, self._mean, self._inverse_std, self._window):
-            names = np.array(self.manifest.feature_names)[~np.isfinite(newest)]
+        flat = numbers(signals)
+        window, increments = self._window, self._increments
+        if not _take_in(flat, self._columns, self._before, self._started, increments, self._mean, self._inverse_std, window):
+            broken = ~np.isfinite(flat[self._columns])
+            names = [name for name, is_broken in zip(self.manifest.feature_names, broken, strict=True) if is_broken]
             raise SampleError(f"not finite: {', '.join(names[:3])}{' and more' if len(names) > 3 else ''}")
         self._started = True
-        raw = self._tcn.predict(self._window)[None]
-        drivers = _NO_DRIVERS
-        if self.manifest.sigma_scale is not None:
-            mass_scales = numbers(signals)[:, self._sigma_columns]
-            drivers = sigma_drivers(self._window[None], self._increments, mass_scales)
-        force, sigma = self._output(raw, drivers)
-        return force[0], None if sigma is None else sigma[0]
-
-
-OUTPUT_SCALE = record(scale_n=(), limit_n=3, noise_n=(), sigma_scale=3, sigma_slopes=SIGMA_DRIVERS)
-"""The numbers of a NetworkManifest that turn raw outputs into newtons."""
-
-
-@kernel("void(Scale[::1], matrix, matrix, b1, f8[:,::1], f8[:,::1])", Scale=OUTPUT_SCALE)
-def _scale_outputs(
-    scale: np.ndarray, raw: np.ndarray, drivers: np.ndarray, gaussian: bool, force: np.ndarray, sigma: np.ndarray
-) -> None:
-    """f = clip(s y, +-limit), shrunk by f^2 / (f^2 + noise^2); sigma = s k exp(clip(log variance) / 2 + slopes . drivers).
-
-    Args:
-        raw: (n, outputs) y, and with `gaussian` the logarithms of its variances.
-        drivers: (n, SIGMA_DRIVERS).
-        force, sigma: (n, 3) N, the results; sigma only with `gaussian`.
-    """
-    k = scale[0]
-    low, high = LOG_VARIANCE_RANGE
-    for n in range(len(raw)):
-        driven = k.sigma_slopes[0] * drivers[n, 0] + k.sigma_slopes[1] * drivers[n, 1]
-        for i in range(3):
-            value = clip(k.scale_n * raw[n, i], -k.limit_n[i], k.limit_n[i])
-            power = value * value
-            if k.noise_n > 0.0:
-                value *= power / (power + k.noise_n * k.noise_n)
-            force[n, i] = value
-            if gaussian:
-                sigma[n, i] = k.scale_n * k.sigma_scale[i] * math.exp(0.5 * clip(raw[n, 3 + i], low, high) + driven)
-
-
-class OutputScale:
-    """Newtons of a network's raw outputs, for one step or many."""
-
-    def __init__(self, manifest: NetworkManifest) -> None:
-        self._gaussian = manifest.sigma_scale is not None
-        self._scale = packed(
-            OUTPUT_SCALE,
-            scale_n=manifest.output_scale_n,
-            limit_n=manifest.output_limit_n,
-            noise_n=manifest.output_noise_n,
-            sigma_scale=manifest.sigma_scale or np.nan,
-            sigma_slopes=manifest.sigma_slopes or 0.0,
-        )
-
-    def __call__(self, raw: np.ndarray, drivers: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
-        """Force (n, 3) N and standard deviation (n, 3) N, or None, of raw outputs (n, outputs).
-
-        `drivers`: (n, SIGMA_DRIVERS) of `sigma_drivers`.
-        """
-        force, sigma = np.empty((len(raw), 3)), np.empty((len(raw), 3))
-        _scale_outputs(self._scale, raw.astype(float), drivers, self._gaussian, force, sigma)
+        raw = self._tcn.predict(window)
+        force, sigma = np.empty(3), np.empty(3)
+        _scale_newest(self._output, raw, window, increments, flat, self._sigma_columns, self._gaussian, force, sigma)
         return force, sigma if self._gaussian else None

@@ -19,7 +19,7 @@ from control.estimation.networks.force_features import (
     increment_columns,
     sigma_drivers,
 )
-from control.estimation.networks.force_network import NetworkManifest, OutputScale, SampleError
+from control.estimation.networks.force_network import NetworkManifest, SampleError, scale_outputs
 from control.estimation.networks.force_signals import SIGNALS, derive
 from control.estimation.networks.network_weights import WeightsError, load_network, save_network
 from control.estimation.networks.residual_tcn import ResidualTcn, TcnShape, parameter_shapes
@@ -199,7 +199,7 @@ def test_missing_history_repeats_the_first_step(tmp_path: Path) -> None:
 def test_outputs_below_the_noise_vanish_and_large_ones_stay(tmp_path: Path) -> None:
     manifest = replace(saved_network(tmp_path), output_noise_n=0.1)
     raw = np.array([[1e-3, 0.1 / 1.5, 1.0, 0.0, 0.0, 0.0]])
-    force = OutputScale(manifest)(raw, np.ones((1, SIGMA_DRIVERS)))[0][0]
+    force = scale_outputs(raw.astype(np.float32), np.ones((1, SIGMA_DRIVERS)), manifest)[0][0]
     assert abs(force[0]) < 1e-6
     assert force[1] == pytest.approx(0.05)
     assert force[2] == pytest.approx(1.5, rel=0.005)
@@ -208,7 +208,7 @@ def test_outputs_below_the_noise_vanish_and_large_ones_stay(tmp_path: Path) -> N
 def test_sigma_follows_its_drivers_and_the_force_does_not(tmp_path: Path) -> None:
     manifest = saved_network(tmp_path)
     raw = np.array([[0.1, 0.2, 0.3, -1.0, 0.0, 1.0]] * 2)
-    force, sigma = OutputScale(manifest)(raw, np.array([[0.0, -0.5], [0.1, 0.5]]))
+    force, sigma = scale_outputs(raw.astype(np.float32), np.array([[0.0, -0.5], [0.1, 0.5]]), manifest)
     assert sigma is not None
     np.testing.assert_array_equal(force[0], force[1])
     np.testing.assert_allclose(sigma[1] / sigma[0], np.exp(2.0 * 0.1 + 0.3 * 1.0))
