@@ -5,17 +5,16 @@ import numpy as np
 
 from control.compiled import kernel
 from control.frames import rotation_from_quaternion
-from control.joints import JOINT_COUNT, JOINT_NAMES
+from control.joints import JOINT_NAMES
 from control.robot_model import GRAVITY_MPS2
 from control.small_algebra import rotate, rotate_back
-from control.types import SensorFrame
+from sim.backends.simulation.sensors import SAMPLE_SIZE
 
 
 class IdealSensors:
     """Reads the state of one world, once per tick."""
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        self._data = data
         # MuJoCo makes a new view at every access.
         self._qpos, self._qvel = data.qpos, data.qvel
         joints = [model.joint(joint) for joint in JOINT_NAMES]
@@ -29,43 +28,34 @@ class IdealSensors:
         """Start over from a robot at rest."""
         self._imu_velocity = np.zeros(3)
 
-    def read(self, joint_torque: np.ndarray) -> SensorFrame:
-        """The sample of this tick. `joint_torque`: (22,) N m, see Drives.torques."""
-        position, velocity = np.empty(JOINT_COUNT), np.empty(JOINT_COUNT)
-        orientation, rates, acceleration = np.empty(4), np.empty(3), np.empty(3)
+    def read(self, joint_torque: np.ndarray) -> np.ndarray:
+        """Sample (SAMPLE_SIZE,) of this tick. `joint_torque`: (22,) N m, see Drives.torques."""
+        sample = np.empty(SAMPLE_SIZE)
         _sample(
             self._qpos,
             self._qvel,
+            joint_torque,
             self._positions,
             self._dofs,
             self._lever,
             self._period_s,
             self._imu_velocity,
-            position,
-            velocity,
-            orientation,
-            rates,
-            acceleration,
+            sample,
         )
-        return SensorFrame(self._data.time, orientation, rates, acceleration, position, velocity, joint_torque)
+        return sample
 
 
-@kernel(
-    "void(f8[::1], f8[::1], i8[::1], i8[::1], f8[::1], f8, f8[::1], f8[::1], f8[::1], f8[::1], f8[::1], f8[::1])",
-)
+@kernel("void(f8[::1], f8[::1], f8[::1], i8[::1], i8[::1], f8[::1], f8, f8[::1], f8[::1])")
 def _sample(
     qpos: np.ndarray,
     qvel: np.ndarray,
+    joint_torque: np.ndarray,
     positions: np.ndarray,
     dofs: np.ndarray,
     lever: np.ndarray,
     period_s: float,
     imu_velocity: np.ndarray,
-    position: np.ndarray,
-    velocity: np.ndarray,
-    orientation: np.ndarray,
-    rates: np.ndarray,
-    acceleration: np.ndarray,
+    sample: np.ndarray,
 ) -> None:
     """Encoders, and the IMU on the base: v_imu = v + R (w x l), and a = R^T ((v_imu - v_imu before) / T + g e_z).
 
@@ -73,19 +63,19 @@ def _sample(
 
     Args:
         qpos, qvel: of MuJoCo; the base is the first body, v in world and w in base.
+        joint_torque: (22,) N m.
         positions, dofs: (22,) where each joint's angle and velocity lie.
         lever: (3,) m, l, in base.
         period_s: T.
         imu_velocity: (3,) m/s, in world, at the end of the last tick; changed to that of this one.
-        position, velocity: (22,) rad and rad/s, results, like the following.
-        orientation: (4,) base to world.
-        rates: (3,) rad/s, in base.
-        acceleration: (3,) m/s^2, specific force in base axes.
+        sample: (SAMPLE_SIZE,) the result.
     """
-    for joint in range(len(positions)):
-        position[joint], velocity[joint] = qpos[positions[joint]], qvel[dofs[joint]]
-    orientation[:] = qpos[3:7]
-    rates[:] = qvel[3:6]
+    count = len(positions)
+    for joint in range(count):
+        sample[joint] = qpos[positions[joint]]
+        sample[count + joint] = qvel[dofs[joint]]
+        sample[2 * count + joint] = joint_torque[joint]
+    rates, orientation = qvel[3:6], qpos[3:7]
     rotation = rotation_from_quaternion(orientation)
     around = np.array(
         [
@@ -101,4 +91,8 @@ def _sample(
         change[i] = (new - imu_velocity[i]) / period_s
         imu_velocity[i] = new
     change[2] += GRAVITY_MPS2
-    acceleration[0], acceleration[1], acceleration[2] = rotate_back(rotation, change)
+    acceleration = rotate_back(rotation, change)
+    for i in range(3):
+        sample[3 * count + i] = rates[i]
+        sample[3 * count + 3 + i] = acceleration[i]
+    sample[3 * count + 6 :] = orientation

@@ -193,7 +193,7 @@ class MujocoBackend:
             self._kinematics_are_current = True
 
     def _sense(self, torque: np.ndarray) -> None:
-        self._frame = self._sensors.measure(self._ideal_sensors.read(torque))
+        self._frame = self._sensors.measure(self._data.time, self._ideal_sensors.read(torque))
 
     def _require_open(self) -> None:
         if not self._opened:

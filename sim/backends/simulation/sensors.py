@@ -22,6 +22,10 @@ _TORQUE = slice(2 * JOINT_COUNT, 3 * JOINT_COUNT)
 _GYRO = slice(3 * JOINT_COUNT, 3 * JOINT_COUNT + 3)
 _ACCELERATION = slice(3 * JOINT_COUNT + 3, 3 * JOINT_COUNT + 6)
 _CHANNELS = 3 * JOINT_COUNT + 6
+_ORIENTATION = slice(_CHANNELS, _CHANNELS + 4)
+SAMPLE_SIZE = _CHANNELS + 4
+"""Numbers of a sample: joint positions, velocities and torques, angular velocity, linear acceleration, then the orientation."""
+
 _NOISE_BLOCK = 32
 
 
@@ -109,24 +113,20 @@ class SensorModel:
         self._pending: deque[SensorFrame] = deque()
         self._torques: deque[np.ndarray] = deque(maxlen=config.torque_delay_ticks + 1)
 
-    def measure(self, ideal: SensorFrame) -> SensorFrame:
-        """What arrives at the tick of `ideal`: the distorted frame of `delay_ticks` ticks ago (the oldest one at start)."""
-        self._pending.append(self._distort(ideal))
-        if len(self._pending) > self.config.delay_ticks + 1:
-            self._pending.popleft()
-        return self._pending[0]
+    def measure(self, time_s: float, ideal: np.ndarray) -> SensorFrame:
+        """What arrives at this tick: the distorted frame of `delay_ticks` ticks ago (the oldest one at start).
 
-    def _distort(self, ideal: SensorFrame) -> SensorFrame:
+        Args:
+            time_s: of this tick.
+            ideal: (SAMPLE_SIZE,) of this tick.
+        """
         config = self.config
-        self._torques.append(ideal.joint_torque)
-        values, orientation = np.empty(_CHANNELS), np.empty(4)
+        if config.torque_delay_ticks:
+            self._torques.append(ideal[_TORQUE].copy())
+            ideal[_TORQUE] = self._torques[0]
+        measured = np.empty(SAMPLE_SIZE)
         _distort(
-            ideal.joint_position,
-            ideal.joint_velocity,
-            self._torques[0],
-            ideal.angular_velocity,
-            ideal.linear_acceleration,
-            ideal.orientation_wxyz,
+            ideal,
             self._scale,
             self._offset,
             self._next_noise(),
@@ -135,18 +135,12 @@ class SensorModel:
             self._attitude_bias,
             self._drift_decay,
             self._attitude_drift,
-            values,
-            orientation,
+            measured,
         )
-        return SensorFrame(
-            time_s=ideal.time_s,
-            orientation_wxyz=orientation,
-            angular_velocity=values[_GYRO],
-            linear_acceleration=values[_ACCELERATION],
-            joint_position=values[_POSITION],
-            joint_velocity=values[_VELOCITY],
-            joint_torque=values[_TORQUE],
-        )
+        self._pending.append(frame_of(time_s, measured))
+        if len(self._pending) > config.delay_ticks + 1:
+            self._pending.popleft()
+        return self._pending[0]
 
     def _next_noise(self) -> np.ndarray:
         if self._noise_row == _NOISE_BLOCK:
@@ -156,6 +150,19 @@ class SensorModel:
         row = self._noise[self._noise_row]
         self._noise_row += 1
         return row
+
+
+def frame_of(time_s: float, sample: np.ndarray) -> SensorFrame:
+    """The frame of a sample (SAMPLE_SIZE,), in its memory."""
+    return SensorFrame(
+        time_s=time_s,
+        orientation_wxyz=sample[_ORIENTATION],
+        angular_velocity=sample[_GYRO],
+        linear_acceleration=sample[_ACCELERATION],
+        joint_position=sample[_POSITION],
+        joint_velocity=sample[_VELOCITY],
+        joint_torque=sample[_TORQUE],
+    )
 
 
 @kernel("f8(f8, f8)")
@@ -176,17 +183,9 @@ def _turn(orientation_wxyz: np.ndarray, small_angle: np.ndarray, turned: np.ndar
     turned /= math.sqrt(turned[0] ** 2 + turned[1] ** 2 + turned[2] ** 2 + turned[3] ** 2)
 
 
-@kernel(
-    "void(vector, vector, vector, vector, vector, vector, f8[::1], f8[::1], f8[::1], f8, f8, f8[::1], f8, f8[::1],"
-    " f8[::1], f8[::1])"
-)
+@kernel("void(f8[::1], f8[::1], f8[::1], f8[::1], f8, f8, f8[::1], f8, f8[::1], f8[::1])")
 def _distort(
-    joint_position: np.ndarray,
-    joint_velocity: np.ndarray,
-    joint_torque: np.ndarray,
-    angular_velocity: np.ndarray,
-    linear_acceleration: np.ndarray,
-    orientation_wxyz: np.ndarray,
+    ideal: np.ndarray,
     scale: np.ndarray,
     offset: np.ndarray,
     noise: np.ndarray,
@@ -195,39 +194,28 @@ def _distort(
     attitude_bias: np.ndarray,
     drift_decay: float,
     attitude_drift: np.ndarray,
-    values: np.ndarray,
-    orientation: np.ndarray,
+    measured: np.ndarray,
 ) -> None:
     """measured = quantise(scale * ideal + offset + noise) per channel, and the attitude turned by its error.
 
     Args:
-        joint_position, joint_velocity, joint_torque: (22,), ideal, as the following.
-        angular_velocity, linear_acceleration: (3,).
-        orientation_wxyz: (4,).
-        scale, offset: (72,) of the channels in this order, without the orientation.
+        ideal: (SAMPLE_SIZE,).
+        scale, offset: (72,) of the channels, that is of the sample without the orientation.
         noise: (75,) of this tick: of the channels, then the step of the attitude's drift.
         position_quantum, torque_quantum: rad, N m.
         attitude_bias: (3,) rad.
         drift_decay: factor on the drift per tick.
         attitude_drift: (3,) rad, moved on.
-        values: (72,) the channels, results, like
-        orientation: (4,).
+        measured: (SAMPLE_SIZE,) the result.
     """
-    n = JOINT_COUNT
-    for joint in range(n):
-        values[joint] = joint_position[joint]
-        values[n + joint] = joint_velocity[joint]
-        values[2 * n + joint] = joint_torque[joint]
-    for i in range(3):
-        values[3 * n + i] = angular_velocity[i]
-        values[3 * n + 3 + i] = linear_acceleration[i]
-    for channel in range(len(values)):
-        values[channel] = values[channel] * scale[channel] + offset[channel] + noise[channel]
-    for joint in range(n):
-        values[joint] = _quantised(values[joint], position_quantum)
-        values[2 * n + joint] = _quantised(values[2 * n + joint], torque_quantum)
+    channels = len(scale)
+    for channel in range(channels):
+        measured[channel] = ideal[channel] * scale[channel] + offset[channel] + noise[channel]
+    for joint in range(JOINT_COUNT):
+        measured[joint] = _quantised(measured[joint], position_quantum)
+        measured[2 * JOINT_COUNT + joint] = _quantised(measured[2 * JOINT_COUNT + joint], torque_quantum)
     error = np.empty(3)
     for i in range(3):
-        attitude_drift[i] = drift_decay * attitude_drift[i] + noise[len(values) + i]
+        attitude_drift[i] = drift_decay * attitude_drift[i] + noise[channels + i]
         error[i] = attitude_bias[i] + attitude_drift[i]
-    _turn(orientation_wxyz, error, orientation)
+    _turn(ideal[channels:], error, measured[channels:])
