@@ -255,7 +255,9 @@ class Pipeline:
         share = feasible_force_scale(command.mask * command.force_n, self.model, limits.tip_over_margin_m)
         # Where the drives damp, nothing of the command acts that could be limited.
         self._limited = Fault.TIP_OVER_LIMIT if share < 1.0 and self._safety.in_control else Fault.NONE
-        self._applied = self._filter.step(replace(command, force_n=share * command.force_n), hand, CONTROL_PERIOD_S)
+        if share < 1.0:
+            command = replace(command, force_n=share * command.force_n)
+        self._applied = self._filter.step(command, hand, CONTROL_PERIOD_S)
 
     def _control(self, inputs: ControllerInput) -> None:
         """New targets. Where the controller raises, the last ones grow old, which the safety gate answers."""

@@ -23,6 +23,7 @@ from control.joints import (
     permutation,
 )
 from control.paths import ROBOT_MJCF
+from control.small_algebra import rotate
 from control.wheel_geometry import lowest_point_from_center
 
 IMU_FRAME = "imu"
@@ -197,9 +198,7 @@ class RobotModel:
     @property
     def center_of_mass(self) -> np.ndarray:
         """(3,) m, world-aligned, from the base origin; needs `update`."""
-        # The mass matrix couples base translation and rotation through -m skew(c), c in base.
-        m = self.mass_matrix
-        return self._rotation @ (np.array([m[1, 5], m[2, 3], m[0, 4]]) / self.total_mass)
+        return mass_center(self.mass_matrix, self._rotation, self.total_mass)
 
     def arm_gravity(self) -> np.ndarray:
         """(28,) the part of g that the arm's links cause, computed at each call."""
@@ -242,6 +241,17 @@ class RobotModel:
                 start = self._model.joints[joint].idx_v
                 mask[point, start : start + self._model.joints[joint].nv] = True
         return mask
+
+
+@kernel("f8[::1](f8[::1,:], f8[:,::1], f8)")
+def mass_center(mass_matrix: np.ndarray, rotation_base_to_world: np.ndarray, total_mass: float) -> np.ndarray:
+    """Centre of mass c (3,), m, world-aligned, from the base origin.
+
+    The mass matrix (28, 28) couples base translation and rotation through -m skew(c), c in base.
+    """
+    m = mass_matrix
+    in_base = np.array([m[1, 5] / total_mass, m[2, 3] / total_mass, m[0, 4] / total_mass])
+    return np.array(rotate(rotation_base_to_world, in_base))
 
 
 @kernel("b1(matrix, vector, i8[::1], f8[::1], f8[:,::1], f8[:,::1])")
