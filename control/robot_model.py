@@ -15,6 +15,7 @@ from control.compiled import kernel
 from control.frames import quaternion_from_rotation, rotation_heading_to_world
 from control.joints import (
     ARM_JOINT_NAMES,
+    ARM_SLICE,
     END_EFFECTOR_FRAME,
     JOINT_NAMES,
     LEGS,
@@ -76,9 +77,10 @@ class RobotModel:
         self._position_rows = self.joint_rows + 1
 
         self.total_mass = float(pin.computeTotalMass(self._model))
-        self._arm_model = self._arm_only_model()
-        self._arm_data = self._arm_model.createData()
-        self.arm_mass = float(pin.computeTotalMass(self._arm_model))
+        arm = [self._model.getJointId(name) for name in ARM_JOINT_NAMES]
+        self._arm_masses = np.array([self._model.inertias[joint].mass for joint in arm])
+        self._arm_centers = np.array([self._model.inertias[joint].lever for joint in arm])
+        self.arm_mass = float(self._arm_masses.sum())
         self.position_lower = self._model.lowerPositionLimit[self._position_rows]
         self.position_upper = self._model.upperPositionLimit[self._position_rows]
         self.joint_damping = self._model.damping[self.joint_rows]
@@ -90,6 +92,9 @@ class RobotModel:
         self._joint_jacobian: np.ndarray = self._data.J
         self.imu_position_in_base = self._model.frames[self._frame_index(IMU_FRAME, mjcf)].placement.translation.copy()
         placements = [self._data.oMf[self._frame_index(name, mjcf)] for name in (*WHEEL_CENTER_FRAMES, END_EFFECTOR_FRAME)]
+        self._arm_rows = self.joint_rows[ARM_SLICE]
+        self._arm_rotations = tuple(self._data.oMi[joint].rotation for joint in arm)
+        self._arm_positions = tuple(self._data.oMi[joint].translation for joint in arm)
         self._frame_positions = tuple(placement.translation for placement in placements)
         self._end_effector_rotation: np.ndarray = placements[-1].rotation
         self._wheel_rows = self.joint_rows[[JOINT_NAMES.index(name) for name in WHEEL_JOINT_NAMES]]
@@ -202,7 +207,17 @@ class RobotModel:
 
     def arm_gravity(self) -> np.ndarray:
         """(28,) the part of g that the arm's links cause, computed at each call."""
-        return pin.computeGeneralizedGravity(self._arm_model, self._arm_data, self._configuration)
+        gravity = np.zeros(len(self.velocity))
+        links_gravity(
+            self._arm_rotations,
+            self._arm_positions,
+            self._arm_masses,
+            self._arm_centers,
+            self._joint_jacobian,
+            self._arm_rows,
+            gravity,
+        )
+        return gravity
 
     def _refresh_geometry(self) -> None:
         if not self._geometry_fresh:
@@ -222,15 +237,6 @@ class RobotModel:
         if not matches:
             raise RobotModelError(f"{mjcf}: frame {name!r} is missing; add a site of that name")
         return matches[-1]
-
-    def _arm_only_model(self) -> pin.Model:
-        """The same joints, with mass only where the first arm joint carries it."""
-        model = pin.Model(self._model)
-        arm = set(model.subtrees[model.getJointId(ARM_JOINT_NAMES[0])])
-        for joint in range(model.njoints):
-            if joint not in arm:
-                model.inertias[joint] = pin.Inertia.Zero()
-        return model
 
     def _support_masks(self) -> np.ndarray:
         """(5, 28): whether a generalized velocity moves wheel FL, FR, RL, RR or the end effector."""
@@ -332,6 +338,36 @@ def momentum_terms(
         for axis in range(3):
             gravity[i] += mass_matrix[i, axis] * (GRAVITY_MPS2 * rotation_base_to_world[2, axis])
         momentum_drift[i] = drift - gravity[i]
+
+
+@kernel("void(UniTuple(f8[::1,:], 6), UniTuple(f8[::1], 6), f8[::1], f8[:,::1], f8[::1,:], i8[::1], f8[::1])")
+def links_gravity(
+    rotations: tuple[np.ndarray, ...],
+    positions: tuple[np.ndarray, ...],
+    masses: np.ndarray,
+    centers: np.ndarray,
+    joint_jacobian: np.ndarray,
+    rows: np.ndarray,
+    gravity: np.ndarray,
+) -> None:
+    """What the weights of the links of a chain at the base do to base and chain: g = sum_i -J_i^T m_i (0, 0, -9.81).
+
+    Args:
+        rotations, positions: (3, 3) and (3,) m, of each link's joint to world.
+        masses: (6,) kg.
+        centers: (6, 3) m, centre of mass of each link in its joint's frame.
+        joint_jacobian: (6, 28) of every joint's own frame at the world's origin, linear then angular.
+        rows: (6,) generalized row of each joint, the base's side first.
+        gravity: (28,) the result; rows of other joints are left alone.
+    """
+    for link in range(len(rotations)):
+        x, y, _ = rotate(rotations[link], centers[link])
+        x, y = x + positions[link][0], y + positions[link][1]
+        weight = GRAVITY_MPS2 * masses[link]
+        for k in range(6 + link + 1):
+            row = k if k < 6 else rows[k - 6]
+            upward = joint_jacobian[2, row] + joint_jacobian[3, row] * y - joint_jacobian[4, row] * x
+            gravity[row] += weight * upward
 
 
 @kernel("void(f8[::1,:], UniTuple(f8[::1], 5), i8[::1], b1[:,::1], f8[:,::1], f8[:,::1])")
