@@ -41,16 +41,17 @@ class Job(Enum):
 TIMETABLE: tuple[tuple[Job, ...], ...] = (
     (Job.CONTROLLER,),
     (Job.SHOWN_ESTIMATE,),
-    (Job.SHOWN_ESTIMATE,),
-    (Job.SHOWN_ESTIMATE,),
     (Job.SHOWN_ESTIMATE, Job.SNAPSHOT, Job.LIVE_ERRORS),
+    (Job.SHOWN_ESTIMATE,),
+    (Job.SHOWN_ESTIMATE,),
     (Job.ADAPTATION,),
     (Job.SHOWN_ESTIMATE,),
-    (Job.SHOWN_ESTIMATE,),
+    (Job.SHOWN_ESTIMATE, Job.SNAPSHOT),
     (Job.NETWORK_STEP,),
-    (Job.REFERENCES, Job.SNAPSHOT),
+    (Job.REFERENCES,),
 )
-"""The jobs of each slot."""
+"""The jobs of each slot. Of the default estimators none is shown where snapshots are filled: gmo_cqp is shown with hybrid_paper,
+and hybrid is selected."""
 
 CHEAP_JOBS = frozenset({Job.SNAPSHOT, Job.LIVE_ERRORS})
 """Jobs that may share a slot. All others have one to themselves."""
