@@ -50,8 +50,8 @@ TIMETABLE: tuple[tuple[Job, ...], ...] = (
     (Job.NETWORK_STEP,),
     (Job.REFERENCES,),
 )
-"""The jobs of each slot. Of the default estimators none is shown where snapshots are filled: gmo_cqp is shown with hybrid_paper,
-and hybrid is selected."""
+"""The jobs of each slot. Where snapshots are filled none of the default estimators is shown: gmo_cqp is shown with
+hybrid_paper, and hybrid is selected."""
 
 CHEAP_JOBS = frozenset({Job.SNAPSHOT, Job.LIVE_ERRORS})
 """Jobs that may share a slot. All others have one to themselves."""
