@@ -1,5 +1,6 @@
 """A tick against what it cannot do without, mj_step and the Pinocchio terms: in one process, in alternating blocks."""
 
+import gc
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -50,6 +51,8 @@ def ready_session(seed: int) -> Simulation:
 def headless(report: Report, ticks: int) -> Durations:
     """Measure, and add rows and bars."""
     session = ready_session(report.seed)
+    gc.collect()
+    gc.freeze()  # as the control process does
     durations = _alternating(session, ticks)
     record = np.zeros(1, SNAPSHOT)[0]
     snapshots = np.empty(ticks // 10)

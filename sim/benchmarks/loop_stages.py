@@ -27,13 +27,13 @@ class Stopwatch:
     """Time spent in functions, less what others that are also watched take within them.
 
     Attributes:
-        slot: of the tick that runs.
-        spent_us: slot and duration of every call, by stage.
+        tick: number of the tick that runs.
+        spent_us: by stage, and by the number of each tick in which it ran.
     """
 
     def __init__(self) -> None:
-        self.slot = 0
-        self.spent_us: dict[str, list[tuple[int, float]]] = {}
+        self.tick = 0
+        self.spent_us: dict[str, dict[int, float]] = {}
         self._within_s = [0.0]
 
     def watched(self, stage: str, function: Callable[..., Any]) -> Callable[..., Any]:
@@ -48,7 +48,8 @@ class Stopwatch:
                 duration = time.perf_counter() - start
                 own = duration - self._within_s.pop()
                 self._within_s[-1] += duration
-                self.spent_us.setdefault(stage, []).append((self.slot, 1e6 * own))
+                spent = self.spent_us.setdefault(stage, {})
+                spent[self.tick] = spent.get(self.tick, 0.0) + 1e6 * own
 
         return timed
 
@@ -84,14 +85,14 @@ def watched_stages(session: Simulation) -> list[Stage]:
     return stages
 
 
-def measure(session: Simulation, ticks: int) -> tuple[dict[str, list[tuple[int, float]]], np.ndarray]:
-    """Slot and own duration, us, of every call by stage, and the whole duration (ticks,), us, of each tick with its jobs."""
+def measure(session: Simulation, ticks: int) -> tuple[dict[str, dict[int, float]], np.ndarray]:
+    """See Stopwatch.spent_us; and the whole duration (ticks,), us, of each tick with its jobs."""
     stopwatch, record, whole = Stopwatch(), np.zeros(1, SNAPSHOT)[0], np.empty(ticks)
     with ExitStack() as patches:
         for name, _, target, function in watched_stages(session):
             patches.enter_context(patch.object(target, function, stopwatch.watched(name, getattr(target, function))))
         for tick in range(ticks):
-            stopwatch.slot = tick % SLOT_COUNT
+            stopwatch.tick = tick
             start = time.perf_counter()
             session.tick(DEFAULT_COMMAND)
             if due(Job.LIVE_ERRORS, tick):
@@ -108,9 +109,9 @@ def stages(report: Report, ticks: int) -> None:
     jobs = {name: job for name, job, _, _ in watched_stages(session)}
     spent_us, whole_us = measure(session, ticks)
     for name, job in jobs.items():
-        calls = spent_us.get(name, [])
-        durations = np.array([duration for _, duration in calls] or [np.nan])
-        ran = sorted({slot for slot, _ in calls})
+        spent = spent_us.get(name, {})
+        ran = sorted({tick % SLOT_COUNT for tick in spent})
+        durations = np.array([*spent.values()] or [np.nan])
         _add(report, "stage", name, job, "all" if len(ran) == SLOT_COUNT else " ".join(map(str, ran)), durations)
     for slot, names in enumerate(TIMETABLE):
         shown = [name for name, own in session.pipeline.shown_slots.items() if own == slot]
