@@ -97,29 +97,28 @@ def parameter_shapes(shape: TcnShape) -> dict[str, tuple[int, ...]]:
     return shapes
 
 
-@kernel("void(f4[:,::1], i8[:,::1], f4[:,::1], f4[::1], f4[:,::1], f4[:,::1])")
-def _convolve(
-    source: np.ndarray, taps: np.ndarray, weight: np.ndarray, bias: np.ndarray, stacked: np.ndarray, out: np.ndarray
-) -> None:
-    """y_i = relu(b + sum_t W_t x_(taps[i, t])) for every time step i of `out`.
+@kernel("void(f4[:,::1], i8[::1], f4[::1], f4[::1], f4[:,::1])")
+def _convolve(source: np.ndarray, rows: np.ndarray, parameters: np.ndarray, room: np.ndarray, out: np.ndarray) -> None:
+    """y_i = relu(b + sum_t W_t x_(rows[i, t])) for every time step i of `out`.
 
     Args:
         source: (s + 1, channels) x, the last row zero: what lies before the window.
-        taps: (n, kernel) row of `source` under each tap.
-        weight: (kernel * channels, outputs) W, one tap after the other.
-        bias: (outputs,) b.
-        stacked: (n, kernel * channels) room for what lies under the taps.
+        rows: (n * kernel,) row of `source` under each tap.
+        parameters: W (kernel, channels, outputs), then b (outputs,).
+        room: for what lies under the taps.
         out: (n, outputs) y.
     """
+    count, outputs = out.shape
     channels = source.shape[1]
-    for i in range(taps.shape[0]):
-        for tap in range(taps.shape[1]):
-            for channel in range(channels):
-                stacked[i, tap * channels + channel] = source[taps[i, tap], channel]
+    size = len(rows) // count * channels
+    for i in range(len(rows)):
+        for channel in range(channels):
+            room[i * channels + channel] = source[rows[i], channel]
+    stacked, weight = room[: count * size].reshape((count, size)), parameters[: size * outputs].reshape((size, outputs))
     np.dot(stacked, weight, out)
-    for i in range(len(out)):
-        for o in range(len(bias)):
-            out[i, o] = max(out[i, o] + bias[o], np.float32(0.0))
+    for i in range(count):
+        for o in range(outputs):
+            out[i, o] = max(out[i, o] + parameters[size * outputs + o], np.float32(0.0))
 
 
 @kernel("void(f4[:,::1], i8[::1], f4[::1], f4[:,::1])")
@@ -169,7 +168,7 @@ def _evaluate(
     rows: np.ndarray,
     parameters: np.ndarray,
     values: np.ndarray,
-    stacked: np.ndarray,
+    room: np.ndarray,
     window: np.ndarray,
 ) -> np.ndarray:
     """Newest output (outputs,) of the network: blocks y = relu(conv2(conv1(x)) + S x), then the head.
@@ -177,48 +176,41 @@ def _evaluate(
     All that a network holds lies in a few arrays, because every array that a kernel is given costs time.
 
     Args:
-        shape: (4,) width, kernel, head, outputs.
+        shape: (4,) of TcnShape: width, kernel, head, outputs.
         sizes: (blocks, 3) time steps of each block's input, middle and output.
         rows: steps of the window that are read; then of each block the rows under the taps of both convolutions and those of
             the skip.
-        parameters: of each block weight and bias of both convolutions, see `_convolve`, and of the skip; then of the head.
+        parameters: of each block those of both convolutions and of the skip; then of the head.
         values: room for the input and the middle of each block, each with a row of zeros at its end, and for the last output.
-        stacked: room for `_convolve`.
+        room: for `_convolve`.
         window: (H, inputs) normalised features, oldest first.
     """
-    width, taps, head, outputs = shape
+    width, taps, hidden, outputs = shape
     channels = window.shape[1]
-    row, parameter, first = sizes[0, 0], 0, 0
+    row, parameter, source_at = sizes[0, 0], 0, 0
     for i in range(row):
         for channel in range(channels):
             values[i * channels + channel] = window[rows[i], channel]
     for block in range(len(sizes)):
-        source = values[first : first + (sizes[block, 0] + 1) * channels].reshape((sizes[block, 0] + 1, channels))
-        first += source.size
-        for layer in range(1, 3):
-            count = sizes[block, layer]
-            out = values[first : first + count * width].reshape((count, width))
-            under = rows[row : row + count * taps].reshape((count, taps))
-            row += under.size
-            given = (
-                source
-                if layer == 1
-                else values[first - (sizes[block, 1] + 1) * width : first].reshape((sizes[block, 1] + 1, width))
-            )
-            size = taps * given.shape[1]
-            weight = parameters[parameter : parameter + size * width].reshape((size, width))
-            parameter += weight.size
-            bias = parameters[parameter : parameter + width]
-            parameter += width
-            _convolve(given, under, weight, bias, stacked[: count * size].reshape((count, size)), out)
-            if layer == 1:
-                first += (count + 1) * width
-        skip = 0 if channels == width else (channels + 1) * width
-        _add_skip(source, rows[row : row + len(out)], parameters[parameter : parameter + skip], out)
-        row += len(out)
-        parameter += skip
-        channels = width
-    return _head(values[first : first + width], parameters[parameter:], head, outputs)
+        given, between, wanted = sizes[block]
+        middle_at = source_at + (given + 1) * channels
+        out_at = middle_at + (between + 1) * width
+        source = values[source_at:middle_at].reshape((given + 1, channels))
+        middle = values[middle_at : out_at - width].reshape((between, width))
+        padded_middle = values[middle_at:out_at].reshape((between + 1, width))
+        out = values[out_at : out_at + wanted * width].reshape((wanted, width))
+
+        size = (taps * channels + 1) * width
+        _convolve(source, rows[row : row + between * taps], parameters[parameter : parameter + size], room, middle)
+        row, parameter = row + between * taps, parameter + size
+        size = (taps * width + 1) * width
+        _convolve(padded_middle, rows[row : row + wanted * taps], parameters[parameter : parameter + size], room, out)
+        row, parameter = row + wanted * taps, parameter + size
+        size = 0 if channels == width else (channels + 1) * width
+        _add_skip(source, rows[row : row + wanted], parameters[parameter : parameter + size], out)
+        row, parameter = row + wanted, parameter + size
+        source_at, channels = out_at, width
+    return _head(values[source_at : source_at + width], parameters[parameter:], hidden, outputs)
 
 
 class ResidualTcn:
@@ -248,10 +240,9 @@ class ResidualTcn:
         flat = [_kernel_order(parameters[name]).ravel() for name in parameter_shapes(shape)]
         self._parameters = np.concatenate(flat).astype(np.float32)
         channels = [shape.inputs, *[shape.width] * (len(taps) - 1)]
-        room = sum((len(t.inputs) + 1) * c + (len(t.middle) + 1) * shape.width for t, c in zip(taps, channels, strict=True))
-        self._values = np.zeros(room + shape.width, np.float32)
-        widest = max(shape.inputs, shape.width)
-        self._stacked = np.zeros(int(self._sizes.max()) * shape.kernel * widest, np.float32)
+        size = sum((len(t.inputs) + 1) * c + (len(t.middle) + 1) * shape.width for t, c in zip(taps, channels, strict=True))
+        self._values = np.zeros(size + shape.width, np.float32)
+        self._room = np.zeros(int(self._sizes.max()) * shape.kernel * max(channels), np.float32)
 
     def predict(self, window: np.ndarray) -> np.ndarray:
         """Newest output of the network.
@@ -262,7 +253,7 @@ class ResidualTcn:
         Returns:
             (outputs,) float32.
         """
-        return _evaluate(self._shape, self._sizes, self._rows, self._parameters, self._values, self._stacked, window)
+        return _evaluate(self._shape, self._sizes, self._rows, self._parameters, self._values, self._room, window)
 
 
 def _kernel_order(parameter: np.ndarray) -> np.ndarray:
