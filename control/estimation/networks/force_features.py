@@ -99,9 +99,8 @@ def feature_names(groups: tuple[str, ...]) -> tuple[str, ...]:
 
 def feature_columns(groups: tuple[str, ...]) -> np.ndarray:
     """(features,) number of SIGNALS that each feature of `groups` is."""
-    fields = SIGNALS.fields or {}
-    first = {group: fields[GROUPS[group].field][1] // np.dtype(float).itemsize for group in groups}
-    return np.array([first[group] + entry for group in groups for entry in GROUPS[group].entries])
+    first = {name: offset // np.dtype(float).itemsize for name, (_, offset, *_) in (SIGNALS.fields or {}).items()}
+    return np.array([first[GROUPS[group].field] + entry for group in groups for entry in GROUPS[group].entries])
 
 
 def numbers(signals: np.ndarray) -> np.ndarray:

@@ -163,7 +163,7 @@ def _scale_newest(
     """See `_scale_output`; with the drivers of a window (H, features) and of the mass scales among `signals` (columns,)."""
     unlike, change = 0.0, 0.0
     if gaussian:
-        arm, rest = signals[mass_columns[0]], signals[mass_columns[1]]
+        arm, rest = float(signals[mass_columns[0]]), float(signals[mass_columns[1]])
         unlike, change = sigma_drivers_of(window, increments, arm, rest)
     _scale_output(scale[0], raw, unlike, change, gaussian, force, sigma)
 
