@@ -317,3 +317,4 @@ def _hand_in_heading(
 
 
 _NO_FORCE = np.zeros(3)
+_NO_FORCE.setflags(write=False)
