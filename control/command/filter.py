@@ -130,6 +130,7 @@ class CommandFilter:
 
     def __init__(self, limits: CommandLimits) -> None:
         self.limits = limits
+        self._limits = limits_record(limits)
         self.reset()
 
     def reset(self) -> None:
@@ -152,5 +153,5 @@ class CommandFilter:
             start["orientation_wxyz"] = quaternion_from_rotation(hand.rotation_to_heading)
             self._state["applied"] = start
         position, force = hand.position_in_heading[None], hand.force_estimated_n[None]
-        filter_commands(limits_record(self.limits), to_record(command), position, force, dt_s, self._state)
+        filter_commands(self._limits, to_record(command), position, force, dt_s, self._state)
         return from_record(self._state["applied"].copy(), command.guidance)

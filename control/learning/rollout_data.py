@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from control.estimation.networks.force_signals import Signals
+from control.estimation.networks.force_signals import SIGNALS, derive
 
 SCHEMA = 1
 SPLITS = ("train", "validation", "test")
@@ -50,11 +50,15 @@ class Rollout:
         """(T, 3) N, in heading."""
         return self.arrays["force_true_n"]
 
-    def signals(self, nominal: str) -> Signals:
-        """All steps stacked, (T, n) each, with the nominal quantities of one estimator."""
-        measured = {name: self.arrays[name] for name in MEASURED}
-        estimated = {f"nominal_{quantity}": self.arrays[f"{nominal}.{quantity}"] for quantity in NOMINAL}
-        return Signals(**measured, **estimated)
+    def signals(self, nominal: str) -> np.ndarray:
+        """SIGNALS (T,) of all steps, with the nominal quantities of one estimator."""
+        signals = np.zeros(len(self.force_true_n), SIGNALS)
+        for name in MEASURED:
+            signals[name] = self.arrays[name]
+        for quantity in NOMINAL:
+            signals[f"nominal_{quantity}"] = self.arrays[f"{nominal}.{quantity}"]
+        derive(signals)
+        return signals
 
 
 def column_sizes() -> dict[str, int]:

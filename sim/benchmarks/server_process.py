@@ -86,9 +86,7 @@ class ServerProcess:
 
     def resident_mb(self) -> float:
         """Resident memory of all its processes."""
-        pids = [self.pid, *children(self.pid)]
-        pages = sum(int(Path(f"/proc/{pid}/statm").read_text().split()[1]) for pid in pids)
-        return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
+        return sum(resident_mb(pid) for pid in (self.pid, *children(self.pid)))
 
     def web_cpu_s(self) -> float:
         """Processor time of the web process so far."""
@@ -103,6 +101,11 @@ class ServerProcess:
             self._process.wait(15.0)
         except subprocess.TimeoutExpired:
             self._process.kill()
+
+
+def resident_mb(pid: int) -> float:
+    """Resident memory of one process."""
+    return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
 
 
 def children(pid: int) -> list[int]:

@@ -43,6 +43,7 @@ class AppliedWrenches:
         self._drag: Spring | None = None
         self._drag_entry: _Entry | None = None
         self._velocity = np.zeros(6)
+        self._pushed = True  # xfrc_applied may not be zero
         self.drag_force_in_world = np.zeros(3)
         """(3,) N, of the drag spring over the last tick."""
 
@@ -91,13 +92,22 @@ class AppliedWrenches:
             for key, entry in self._entries.items()
         )
 
+    @property
+    def acting(self) -> bool:
+        """Whether any source or the drag is at work."""
+        return bool(self._entries) or self._drag_entry is not None
+
     def apply(self) -> None:
         """Write the sum of all sources into xfrc_applied for the tick that starts now; expired ones end.
 
-        The kinematics of `data` must be those of the current state.
+        The kinematics of `data` must be those of the current state where there is any source.
         """
         data = self._data
-        data.xfrc_applied[:] = 0.0
+        if self._pushed:
+            data.xfrc_applied[:] = 0.0
+        self._pushed = self.acting
+        if not self._pushed:
+            return
         if self._drag_entry is not None:
             self.drag_force_in_world[:] = self._apply(self._drag_entry)
         expired = [key for key, entry in self._entries.items() if data.time - entry.start_s >= entry.source.duration_s]
