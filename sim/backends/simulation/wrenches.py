@@ -1,11 +1,11 @@
 """Sources of external wrenches on the simulated bodies, each with its own life time. Forces act on the robot."""
 
 from dataclasses import dataclass, field
-from typing import Protocol
 
 import numpy as np
 
 FRAMES = ("world", "heading", "body")
+"""In the order of sim.backends.simulation.pulses."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -13,39 +13,16 @@ class BodyState:
     """What a source may depend on. Vectors in world.
 
     Attributes:
-        time_s, period_s: start and length of the tick that the wrench acts through.
         point: (3,) m, application point.
         velocity: (3,) m/s, of the body's material point there.
-        rotation_body_to_world, rotation_heading_to_world: (3, 3).
+        rotation_heading_to_world: (3, 3).
         heading_origin: (3,) m, origin of the heading frame (on the ground below the base).
     """
 
-    time_s: float
-    period_s: float
     point: np.ndarray
     velocity: np.ndarray
-    rotation_body_to_world: np.ndarray
     rotation_heading_to_world: np.ndarray
     heading_origin: np.ndarray
-
-
-class WrenchSource(Protocol):
-    """One contribution. `body` names the body, `point_m` (3,) the application point in that body's frame."""
-
-    @property
-    def body(self) -> str: ...
-
-    @property
-    def point_m(self) -> np.ndarray: ...
-
-    @property
-    def duration_s(self) -> float:
-        """Life time from the tick it was added; may be inf."""
-        ...
-
-    def wrench(self, state: BodyState, age_s: float) -> tuple[np.ndarray, np.ndarray]:
-        """Mean force (3,) N and moment (3,) N m about the point over the tick that starts at `age_s`, both in world."""
-        ...
 
 
 def _vector(name: str, value: object) -> np.ndarray:
@@ -89,24 +66,12 @@ class Pulse:
         if not 0 <= self.ramp_s <= 0.5 * self.duration_s:
             raise ValueError(f"ramp_s is {self.ramp_s}; the range is 0 to half of duration_s ({0.5 * self.duration_s})")
 
-    def integral(self, age_s: float) -> float:
-        """Integral of the profile (0 to 1) from its start to `age_s`, s."""
-        ramp, duration = self.ramp_s, self.duration_s
-        age = min(max(age_s, 0.0), duration)
-        rising = min(age, ramp)
-        falling = max(age - (duration - ramp), 0.0)
-        area = age - rising
-        if ramp > 0:
-            area += 0.5 * rising * rising / ramp - 0.5 * falling * falling / ramp
-        return area
-
-    def wrench(self, state: BodyState, age_s: float) -> tuple[np.ndarray, np.ndarray]:
-        """See WrenchSource."""
-        level = (self.integral(age_s + state.period_s) - self.integral(age_s)) / state.period_s
-        if self.frame == "world":
-            return level * self.force_n, level * self.torque_nm
-        rotation = state.rotation_heading_to_world if self.frame == "heading" else state.rotation_body_to_world
-        return level * (rotation @ self.force_n), level * (rotation @ self.torque_nm)
+    def row(self, start_s: float, body: int) -> np.ndarray:
+        """(ROW,) numbers for sim.backends.simulation.pulses, started at `start_s` on a body."""
+        frame = FRAMES.index(self.frame)
+        return np.array(
+            [start_s, self.duration_s, self.ramp_s, frame, body, *self.force_n, *self.torque_nm, *self.point_m], dtype=float
+        )
 
 
 @dataclass(frozen=True)
@@ -145,8 +110,8 @@ class Spring:
             if not getattr(self, name) > 0:
                 raise ValueError(f"{name} is {getattr(self, name)}; it must be positive")
 
-    def wrench(self, state: BodyState, age_s: float) -> tuple[np.ndarray, np.ndarray]:
-        """See WrenchSource."""
+    def force(self, state: BodyState) -> np.ndarray:
+        """(3,) N in world, at the application point."""
         if self.frame == "world":
             force = self.stiffness * (self.anchor_m - state.point) - self.damping * state.velocity
         else:
@@ -156,4 +121,8 @@ class Spring:
         length = float(np.sqrt(force @ force))
         if length > self.limit_n:
             force *= self.limit_n / length
-        return force, np.zeros(3)
+        return force
+
+
+WrenchSource = Pulse | Spring
+"""`body` names the body, `point_m` (3,) the application point in its frame, `duration_s` the life time, which may be inf."""
