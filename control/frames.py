@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from control.compiled import kernel
+from control.kernels.compiled import kernel
 
 AXES = ("x", "y", "z")
 """Names of a frame's axes, in the order of every vector."""

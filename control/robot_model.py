@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-from control.compiled import kernel
 from control.frames import quaternion_from_rotation
 from control.joints import (
     ARM_JOINT_NAMES,
@@ -22,6 +21,7 @@ from control.joints import (
     WHEEL_JOINT_NAMES,
     permutation,
 )
+from control.kernels.compiled import kernel
 from control.paths import ROBOT_MJCF
 from control.wheel_geometry import lowest_point_from_center
 

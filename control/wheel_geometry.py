@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 
-from control.compiled import kernel
 from control.joints import WHEEL_HALF_WIDTH_M, WHEEL_RADIUS_M
-from control.small_algebra import Triple
+from control.kernels.compiled import kernel
+from control.kernels.small_algebra import Triple
 
 
 @kernel("UniTuple(f8, 3)(vector)")

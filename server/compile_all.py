@@ -19,7 +19,7 @@ from queue import SimpleQueue
 
 from numba.core import config
 
-from control import compiled
+from control.kernels import compiled
 from control.paths import ROOT
 
 PACKAGES = ("control", "sim")

@@ -4,8 +4,8 @@ An axis whose mask is 0 tracks its position. One whose mask is 1 regulates its f
 met something: until then the hand moves towards contact under velocity control.
 """
 
-from control.compiled import kernel
-from control.small_algebra import clip
+from control.kernels.compiled import kernel
+from control.kernels.small_algebra import clip
 
 
 @kernel("f8(f8, f8, f8, f8, f8)")

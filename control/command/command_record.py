@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from control.records import record
+from control.kernels.records import record
 from control.types import Command
 
 COMMAND = record(mask=3, force_n=3, position_m=3, orientation_wxyz=4, base_velocity=3)

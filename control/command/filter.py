@@ -6,10 +6,10 @@ import numpy as np
 
 from control.command.command_record import COMMAND, commands, from_record, to_record
 from control.command.limits import LIMITS, CommandLimits, HandState, limits_record
-from control.compiled import kernel
 from control.frames import quaternion_from_rotation, quaternion_multiply
-from control.records import record
-from control.small_algebra import clip
+from control.kernels.compiled import kernel
+from control.kernels.records import record
+from control.kernels.small_algebra import clip
 from control.types import Command
 
 FILTER_STATE = record(applied=COMMAND, velocity=3, turn_rate=())

@@ -15,9 +15,9 @@ import numpy as np
 
 from control.command.command_record import COMMAND, from_record, to_record
 from control.command.limits import DEFAULT_COMMAND, HandState
-from control.compiled import kernel
-from control.records import config_record, packed, record
-from control.small_algebra import clip
+from control.kernels.compiled import kernel
+from control.kernels.records import config_record, packed, record
+from control.kernels.small_algebra import clip
 from control.types import Command
 
 

@@ -7,9 +7,9 @@ from functools import lru_cache
 import numpy as np
 
 from control.command.command_record import COMMAND, from_record, to_record
-from control.compiled import kernel
-from control.records import config_record, packed
-from control.small_algebra import clip
+from control.kernels.compiled import kernel
+from control.kernels.records import config_record, packed
+from control.kernels.small_algebra import clip
 from control.types import Command
 
 Range = tuple[float, float]

@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 
-from control.compiled import kernel
+from control.kernels.compiled import kernel
+from control.kernels.small_algebra import clip, rotate_back
 from control.robot_model import GRAVITY_MPS2, RobotModel
-from control.small_algebra import clip, rotate_back
 
 _AROUND = (0, 2, 3, 1)
 """FL, RL, RR, FR: the wheels counterclockwise, seen from above."""

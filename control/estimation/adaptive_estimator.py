@@ -11,7 +11,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from control.compiled import kernel
 from control.estimation.force_estimator import EstimatorInput
 from control.estimation.model_adaptation import (
     MASSES,
@@ -35,6 +34,7 @@ from control.estimation.wrench_projection import (
 from control.estimation.wrench_qp import WrenchProjectionError
 from control.frames import rotation_heading_to_world
 from control.joints import ARM_SLICE, LEGS
+from control.kernels.compiled import kernel
 from control.robot_model import WRENCH_SIZE, RobotModel
 from control.timing import Job, due
 from control.types import ForceEstimate

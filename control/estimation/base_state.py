@@ -14,9 +14,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from control.compiled import kernel
 from control.estimation.rolling_contact import contact_speed
 from control.frames import rotation_from_quaternion
+from control.kernels.compiled import kernel
 from control.robot_model import GRAVITY_MPS2, RobotModel, stack_velocity
 from control.timing import TICK_S
 from control.types import BaseState, SensorFrame

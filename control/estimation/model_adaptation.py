@@ -16,11 +16,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from control.compiled import kernel
 from control.estimation.wrench_projection import normal_equations
 from control.joints import ARM_SLICE
+from control.kernels.compiled import kernel
+from control.kernels.small_algebra import clip, factorize, solve_positive, substitute
 from control.robot_model import WRENCH_SIZE, RobotModel
-from control.small_algebra import clip, factorize, solve_positive, substitute
 from control.timing import CONTROL_PERIOD_S
 
 ARM, REST = 0, 1

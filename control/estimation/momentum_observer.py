@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from control.compiled import kernel
+from control.kernels.compiled import kernel
 
 
 @dataclass(frozen=True, slots=True)

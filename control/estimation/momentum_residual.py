@@ -8,10 +8,10 @@ import math
 
 import numpy as np
 
-from control.compiled import kernel
 from control.estimation.force_estimator import EstimatorInput
 from control.estimation.momentum_observer import MomentumObserver, ObserverGains
 from control.joints import JOINT_COUNT
+from control.kernels.compiled import kernel
 
 FRICTION_SMOOTHING_RPS = 0.01
 """Joint speed at which dry friction reaches tanh(1) of its value. It may lie below the noise of the velocity, which smooths

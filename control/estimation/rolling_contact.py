@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from control.compiled import kernel
 from control.joints import LEGS
+from control.kernels.compiled import kernel
 from control.robot_model import RobotModel
 
 WHEEL_COUNT = len(LEGS)

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg.lapack import dgelsy
 
-from control.compiled import kernel
 from control.joints import ARM_SLICE, JOINT_COUNT, LEG_SLICE, LEGS, WHEEL_SLICE
+from control.kernels.compiled import kernel
+from control.kernels.small_algebra import rotate_back, solve_positive
 from control.robot_model import WRENCH_SIZE, RobotModel
-from control.small_algebra import rotate_back, solve_positive
 
 SUPPORT_ROWS = slice(0, 3 * len(LEGS))
 FORCE_ROWS = slice(3 * len(LEGS), 3 * len(LEGS) + 3)

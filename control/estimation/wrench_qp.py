@@ -14,11 +14,11 @@ import clarabel
 import numpy as np
 from scipy import sparse
 
-from control.compiled import kernel
 from control.estimation.wrench_projection import WrenchProblem
 from control.joints import LEGS
+from control.kernels.compiled import kernel
+from control.kernels.small_algebra import solve_positive
 from control.robot_model import WRENCH_SIZE
-from control.small_algebra import solve_positive
 
 _WHEELS = len(LEGS)
 

@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from control.compiled import kernel
 from control.joints import ARM_SLICE, DAMPING, JOINT_COUNT, NOMINAL_POSITION, STIFFNESS, WHEEL_SLICE
-from control.records import config_record, packed
-from control.small_algebra import clip
+from control.kernels.compiled import kernel
+from control.kernels.records import config_record, packed
+from control.kernels.small_algebra import clip
 from control.whole_body.reference_correction import CORRECTION
 from control.whole_body.task_signals import TASK_SIGNALS
 

@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 
-from control.compiled import kernel
+from control.kernels.compiled import kernel
 
 
 @kernel("void(f4[:,::1], f4[::1], f4[::1], b1, f4[::1])")

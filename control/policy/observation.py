@@ -10,10 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from control.compiled import kernel
 from control.joints import JOINT_COUNT, NOMINAL_BASE_HEIGHT_M, NOMINAL_POSITION
-from control.records import config_record, packed
-from control.small_algebra import clip
+from control.kernels.compiled import kernel
+from control.kernels.records import config_record, packed
+from control.kernels.small_algebra import clip
 from control.timing import CONTROL_PERIOD_S
 from control.whole_body.task_memory import TASK_MEMORY
 from control.whole_body.task_signals import TASK_SIGNALS, force_error, position_error

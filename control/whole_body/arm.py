@@ -10,10 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from control.compiled import kernel
 from control.joints import ARM_SLICE, DAMPING, STIFFNESS, TORQUE_LIMIT
-from control.records import config_record
-from control.small_algebra import clip, rotate, rotate_back, solve_positive
+from control.kernels.compiled import kernel
+from control.kernels.records import config_record
+from control.kernels.small_algebra import clip, rotate, rotate_back, solve_positive
 from control.whole_body.body_terms import BODY_TERMS
 from control.whole_body.reference_correction import CORRECTION
 from control.whole_body.task_memory import TASK_MEMORY

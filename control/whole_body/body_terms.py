@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from control.compiled import kernel
 from control.frames import rotation_heading_to_world
-from control.records import record
+from control.kernels.compiled import kernel
+from control.kernels.records import record
 from control.robot_model import RobotModel
 
 BODY_TERMS = record(

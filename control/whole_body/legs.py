@@ -4,11 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from control.compiled import kernel
 from control.joints import NOMINAL_BASE_HEIGHT_M, STIFFNESS, WHEEL_RADIUS_M
-from control.records import config_record, record
+from control.kernels.compiled import kernel
+from control.kernels.records import config_record, record
+from control.kernels.small_algebra import clip, rotate, solve_positive
 from control.robot_model import GRAVITY_MPS2
-from control.small_algebra import clip, rotate, solve_positive
 from control.whole_body.body_terms import BODY_TERMS, LEG_OF_JOINT
 from control.whole_body.task_memory import LEFT_MINUS_RIGHT
 from control.whole_body.task_signals import TASK_SIGNALS

@@ -10,11 +10,11 @@ import numpy as np
 
 from control.command.axis_mask import force_share
 from control.command.limits import CommandLimits
-from control.compiled import kernel
 from control.joints import ARM_SLICE, JOINT_COUNT, WHEEL_SLICE
-from control.records import packed, record
+from control.kernels.compiled import kernel
+from control.kernels.records import packed, record
+from control.kernels.small_algebra import rotate
 from control.robot_model import RobotModel
-from control.small_algebra import rotate
 from control.whole_body.arm import ARM, ArmConfig, arm_targets
 from control.whole_body.body_terms import BODY_TERMS, body_terms
 from control.whole_body.controller import ControllerInput

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from control.records import record
+from control.kernels.records import record
 
 CORRECTION = record(hand_velocity=3, hand_force=3, hand_angular_velocity=3, base_velocity=2)
 """In heading.

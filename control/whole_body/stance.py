@@ -4,11 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from control.compiled import kernel
 from control.joints import LEGS, NOMINAL_POSITION
-from control.records import config_record, packed, record
+from control.kernels.compiled import kernel
+from control.kernels.records import config_record, packed, record
+from control.kernels.small_algebra import clip, rotate_back
 from control.robot_model import RobotModel
-from control.small_algebra import clip, rotate_back
 from control.timing import CONTROL_PERIOD_S
 from control.whole_body.body_terms import BODY_TERMS
 

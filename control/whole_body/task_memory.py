@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from control.compiled import kernel
 from control.joints import WHEEL_RADIUS_M
-from control.records import config_record, packed, record
-from control.small_algebra import clip
+from control.kernels.compiled import kernel
+from control.kernels.records import config_record, packed, record
+from control.kernels.small_algebra import clip
 from control.timing import CONTROL_PERIOD_S
 from control.whole_body.task_signals import REST_VELOCITY, TASK_SIGNALS, force_error, position_error, stands
 

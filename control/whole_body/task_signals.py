@@ -6,11 +6,11 @@ Everything is known on hardware. Controllers, memory and observation read it, on
 import numpy as np
 
 from control.command.command_record import COMMAND, to_record
-from control.compiled import kernel
 from control.estimation.rolling_contact import rolling_velocity
 from control.frames import rotation_error, rotation_from_quaternion, rotation_heading_to_world
-from control.records import record
-from control.small_algebra import rotate_back
+from control.kernels.compiled import kernel
+from control.kernels.records import record
+from control.kernels.small_algebra import rotate_back
 from control.whole_body.controller import ControllerInput
 
 REST_VELOCITY = 0.01

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from control.compiled import kernel
 from control.joints import DAMPING, TORQUE_LIMIT, WHEEL_RADIUS_M, WHEEL_SLICE
-from control.records import config_record, record
-from control.small_algebra import clip
+from control.kernels.compiled import kernel
+from control.kernels.records import config_record, record
+from control.kernels.small_algebra import clip
 from control.timing import CONTROL_PERIOD_S
 from control.whole_body.body_terms import BODY_TERMS
 from control.whole_body.reference_correction import CORRECTION

@@ -5,8 +5,8 @@ Arrays of a batch lie in Fortran order, n innermost, so that arithmetic on compo
 
 import numpy as np
 
-from control.compiled import kernel
 from control.frames import quaternion_from_rotation, rotation_error, rotation_from_quaternion
+from control.kernels.compiled import kernel
 
 
 @kernel("void(matrix, f8[:,:,:])")

@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from control.compiled import kernel
 from control.frames import rotation_from_quaternion, rotation_heading_to_world
 from control.joints import ARM_SLICE, JOINT_COUNT, LEGS
-from control.records import record
+from control.kernels.compiled import kernel
+from control.kernels.records import record
+from control.kernels.small_algebra import rotate
 from control.robot_model import GRAVITY_MPS2
-from control.small_algebra import rotate
 from control.wheel_geometry import lowest_point_from_center
 from control.whole_body.body_terms import BODY_TERMS, LEG_OF_JOINT
 

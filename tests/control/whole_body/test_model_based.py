@@ -20,7 +20,7 @@ from control.joints import (
     WHEEL_RADIUS_M,
     WHEEL_SLICE,
 )
-from control.records import packed
+from control.kernels.records import packed
 from control.robot_model import GRAVITY_MPS2, RobotModel
 from control.timing import CONTROL_PERIOD_S, TICK_S
 from control.types import BaseState, SensorFrame

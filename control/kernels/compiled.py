@@ -71,7 +71,7 @@ def kernel(*signatures: str, **records: np.dtype) -> Callable[[_Function], _Func
 
     Args:
         signatures: in numba's words, with `vector` and `matrix` for arrays of float64 of any layout that are only read.
-        records: layout (control.records) of each record that a signature names.
+        records: layout (control.kernels.records) of each record that a signature names.
 
     Raises:
         KernelError: the function reads what is neither a constant nor a kernel.

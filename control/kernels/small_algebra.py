@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from control.compiled import kernel
+from control.kernels.compiled import kernel
 
 Triple = tuple[float, float, float]
 

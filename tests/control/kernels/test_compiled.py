@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 from numba.core import config
 
-from control.compiled import KernelError, kernel
+from control.kernels.compiled import KernelError, kernel
 from control.paths import ROOT
 
 COMPILED = pytest.mark.skipif(bool(config.DISABLE_JIT), reason="kernels are plain Python")
 
 INNER = """
-    from control.compiled import kernel
+    from control.kernels.compiled import kernel
     from laws.constants import FACTOR
 
     @kernel("f8(f8[::1], i8)")
@@ -25,7 +25,7 @@ INNER = """
         return FACTOR * x[i]
 """
 OUTER = """
-    from control.compiled import kernel
+    from control.kernels.compiled import kernel
     from laws.inner import inner
 
     @kernel("f8(f8[::1])")
