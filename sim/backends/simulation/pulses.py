@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from control.compiled import kernel
+from control.kernels.compiled import kernel
 
 ROW = 14
 """Numbers of one pulse: start, duration, ramp, s; frame, index into FRAMES; body; force, N, torque, N m, and point, m, of 3."""
