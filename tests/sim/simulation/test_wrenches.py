@@ -118,6 +118,41 @@ def test_many_overlapping_pulses_lose_nothing(world):
     np.testing.assert_allclose(world.momentum()[0], impulse, atol=1e-9)
 
 
+def test_as_many_as_are_allowed_act_as_the_sum_of_each_alone() -> None:
+    """In every frame, at random points and moments, on a robot that moves and turns."""
+    random = np.random.default_rng(3)
+    pulses = [
+        Pulse(
+            random.normal(0, 1, 3),
+            duration_s=random.uniform(0.01, 0.2),
+            torque_nm=random.normal(0, 0.1, 3),
+            point_m=random.normal(0, 0.2, 3),
+            body=("base", "end_effector")[number % 2],
+            frame=FRAMES[number % 3],
+            ramp_s=0.005 * (number % 2),
+        )
+        for number in range(MAX_SOURCES)
+    ]
+    together = World()
+    for pulse in pulses:
+        together.sources.add(pulse)
+    for _ in range(4):
+        together.run(7)
+        expected = np.zeros_like(together.data.xfrc_applied)
+        for pulse in pulses:
+            alone = World()
+            alone.data.qpos[:], alone.data.qvel[:] = together.data.qpos, together.data.qvel
+            alone.data.time = 0.0
+            mujoco.mj_forward(alone.model, alone.data)
+            alone.sources.add(pulse)
+            alone.data.time = together.data.time
+            alone.sources.apply()
+            expected += alone.data.xfrc_applied
+        together.sources.apply()
+        assert expected.any()
+        np.testing.assert_allclose(together.data.xfrc_applied, expected, atol=1e-12)
+
+
 def test_remove_ends_one_source_and_only_that(world):
     kept = world.sources.add(Pulse(np.array([1.0, 0.0, 0.0]), duration_s=1.0, frame="world"))
     gone = world.sources.add(Pulse(np.array([0.0, 1.0, 0.0]), duration_s=1.0, frame="world"))
