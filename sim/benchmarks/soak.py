@@ -24,6 +24,9 @@ MEMORY_MINUTES = 10.0
 
 WARM_UP_SHARE = 0.25
 SETTLE_S = 60.0
+NOTICED_S = 1.0
+"""A control process that was killed is known to be dead by then."""
+
 CONTROLLERS, ESTIMATORS, SCENES = ("policy", "model_based"), ("hybrid", "adaptive", "gmo_cqp"), ("free", "box", "board")
 
 
@@ -40,12 +43,13 @@ def kills(report: Report) -> tuple[int, int]:
     for name, attack in KILLS.items():
         report.progress(name)
         attack(console)
+        time.sleep(NOTICED_S)
         survived = _usable_again(console)
         if survived:
             console.press()
+        console.server.control_pid = _control_pid(console)
         lost += not survived
         value(report, "kills", name, float(survived), "survived")
-        console.server.control_pid = _control_pid(console)
     lost_estops = console.lost_estops
     console.stop()
     return lost, lost_estops

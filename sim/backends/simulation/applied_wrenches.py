@@ -22,13 +22,13 @@ class ActiveWrench:
     """A source at work: its id, and the simulated time left (inf for an endless one)."""
 
     id: int
-    source: WrenchSource
+    source: Pulse | WrenchSource
     remaining_s: float
 
 
 @dataclass
 class _Entry:
-    source: WrenchSource
+    source: Pulse | WrenchSource
     body: int
     start_s: float
 
@@ -49,7 +49,7 @@ class AppliedWrenches:
         self.drag_force_in_world = np.zeros(3)
         """(3,) N, of the drag spring over the last tick."""
 
-    def add(self, source: WrenchSource) -> int:
+    def add(self, source: Pulse | WrenchSource) -> int:
         """Start `source` with the next tick; the id names it in `remove`.
 
         Raises:
@@ -106,7 +106,7 @@ class AppliedWrenches:
         data = self._data
         data.xfrc_applied[:] = 0.0
         if self._drag is not None:
-            self.drag_force_in_world[:] = self._pull(self._drag, self._dragged)
+            self.drag_force_in_world[:] = self._apply(self._drag, self._dragged, data.time)
         expired = [key for key, entry in self._entries.items() if data.time - entry.start_s >= entry.source.duration_s]
         for key in expired:
             del self._entries[key]
@@ -115,23 +115,27 @@ class AppliedWrenches:
         if len(self._pulses):
             period_s = self._model.opt.timestep
             add_pulses(self._pulses, data.time, period_s, self._base, data.xmat, data.xpos, data.xipos, data.xfrc_applied)
-        for spring, body in self._springs:
-            self._pull(spring, body)
+        for other in self._others:
+            self._apply(*other)
 
     def _sort(self) -> None:
         """The entries by their kinds."""
-        rows = [
-            entry.source.row(entry.start_s, entry.body) for entry in self._entries.values() if isinstance(entry.source, Pulse)
-        ]
+        rows: list[np.ndarray] = []
+        self._others: list[tuple[WrenchSource, int, float]] = []
+        for entry in self._entries.values():
+            if isinstance(entry.source, Pulse):
+                rows.append(entry.source.row(entry.start_s, entry.body))
+            else:
+                self._others.append((entry.source, entry.body, entry.start_s))
         self._pulses = np.array(rows).reshape(-1, ROW)
-        self._springs = [(entry.source, entry.body) for entry in self._entries.values() if isinstance(entry.source, Spring)]
 
-    def _pull(self, spring: Spring, body: int) -> np.ndarray:
-        state = self._state(spring, body)
-        force = spring.force(state)
+    def _apply(self, source: WrenchSource, body: int, start_s: float) -> np.ndarray:
+        state = self._state(source, body)
+        force, moment = source.wrench(state, self._data.time - start_s)
         x, y, z = state.point - self._data.xipos[body]
         applied = self._data.xfrc_applied[body]
         applied[:3] += force
+        applied[3:] += moment
         applied[3] += y * force[2] - z * force[1]
         applied[4] += z * force[0] - x * force[2]
         applied[5] += x * force[1] - y * force[0]
@@ -143,9 +147,10 @@ class AppliedWrenches:
             raise ValueError(f"body {name!r} is not in the scene; it has {', '.join(bodies)}")
         return self._model.body(name).id
 
-    def _state(self, spring: Spring, body: int) -> BodyState:
+    def _state(self, source: WrenchSource, body: int) -> BodyState:
         data = self._data
-        offset = data.xmat[body].reshape(3, 3) @ spring.point_m
+        rotation = data.xmat[body].reshape(3, 3)
+        offset = rotation @ source.point_m
         # Angular and linear velocity in world axes, of the body frame's origin.
         mujoco.mj_objectVelocity(self._model, data, mujoco.mjtObj.mjOBJ_XBODY, body, self._velocity, 0)
         wx, wy, wz = self._velocity[:3]
@@ -154,8 +159,11 @@ class AppliedWrenches:
         origin = data.xpos[self._base].copy()
         origin[2] = 0.0
         return BodyState(
+            time_s=data.time,
+            period_s=self._model.opt.timestep,
             point=data.xpos[body] + offset,
             velocity=velocity,
+            rotation_body_to_world=rotation,
             rotation_heading_to_world=rotation_heading_to_world(data.xmat[self._base].reshape(3, 3)),
             heading_origin=origin,
         )

@@ -1,6 +1,7 @@
 """Sources of external wrenches on the simulated bodies, each with its own life time. Forces act on the robot."""
 
 from dataclasses import dataclass, field
+from typing import Protocol
 
 import numpy as np
 
@@ -13,16 +14,39 @@ class BodyState:
     """What a source may depend on. Vectors in world.
 
     Attributes:
+        time_s, period_s: start and length of the tick that the wrench acts through.
         point: (3,) m, application point.
         velocity: (3,) m/s, of the body's material point there.
-        rotation_heading_to_world: (3, 3).
+        rotation_body_to_world, rotation_heading_to_world: (3, 3).
         heading_origin: (3,) m, origin of the heading frame (on the ground below the base).
     """
 
+    time_s: float
+    period_s: float
     point: np.ndarray
     velocity: np.ndarray
+    rotation_body_to_world: np.ndarray
     rotation_heading_to_world: np.ndarray
     heading_origin: np.ndarray
+
+
+class WrenchSource(Protocol):
+    """One contribution other than a Pulse. `body` names the body, `point_m` (3,) the application point in that body's frame."""
+
+    @property
+    def body(self) -> str: ...
+
+    @property
+    def point_m(self) -> np.ndarray: ...
+
+    @property
+    def duration_s(self) -> float:
+        """Life time from the tick it was added; may be inf."""
+        ...
+
+    def wrench(self, state: BodyState, age_s: float) -> tuple[np.ndarray, np.ndarray]:
+        """Mean force (3,) N and moment (3,) N m about the point over the tick that starts at `age_s`, both in world."""
+        ...
 
 
 def _vector(name: str, value: object) -> np.ndarray:
@@ -110,8 +134,8 @@ class Spring:
             if not getattr(self, name) > 0:
                 raise ValueError(f"{name} is {getattr(self, name)}; it must be positive")
 
-    def force(self, state: BodyState) -> np.ndarray:
-        """(3,) N in world, at the application point."""
+    def wrench(self, state: BodyState, age_s: float) -> tuple[np.ndarray, np.ndarray]:
+        """See WrenchSource."""
         if self.frame == "world":
             force = self.stiffness * (self.anchor_m - state.point) - self.damping * state.velocity
         else:
@@ -121,8 +145,4 @@ class Spring:
         length = float(np.sqrt(force @ force))
         if length > self.limit_n:
             force *= self.limit_n / length
-        return force
-
-
-WrenchSource = Pulse | Spring
-"""`body` names the body, `point_m` (3,) the application point in its frame, `duration_s` the life time, which may be inf."""
+        return force, np.zeros(3)

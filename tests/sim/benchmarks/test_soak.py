@@ -50,7 +50,8 @@ def test_a_call_that_nobody_answers_is_lost() -> None:
     assert call(port, "POST", "/estop").status == 0
 
 
-def test_raw_sockets_end_in_time_whatever_the_server_does() -> None:
+def test_raw_sockets_end_in_time_whether_anybody_listens_or_not() -> None:
     with socket.create_server(("127.0.0.1", 0), backlog=1000) as listener:
-        assert raw_sockets(listener.getsockname()[1], seed=1, duration_s=0.05) > 0
-    assert raw_sockets(listener.getsockname()[1], seed=1, duration_s=0.05) > 0
+        port = listener.getsockname()[1]
+        assert raw_sockets(port, seed=1, duration_s=0.05) > 0
+    assert raw_sockets(port, seed=1, duration_s=0.05) == 0

@@ -188,18 +188,21 @@ def test_spring_is_the_virtual_pd_force_of_the_paper():
     """f = Kp (x_d - x) - Kd v, with the anchor in world or in the heading frame."""
     turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     state = BodyState(
+        time_s=0.0,
+        period_s=TICK_S,
         point=np.array([0.3, 0.2, 0.5]),
         velocity=np.array([0.1, -0.2, 0.3]),
+        rotation_body_to_world=np.eye(3),
         rotation_heading_to_world=turn,
         heading_origin=np.array([1.0, 2.0, 0.0]),
     )
     fixed = Spring(np.array([0.4, 0.1, 0.7]), stiffness=np.array([100.0, 0.0, 50.0]), damping=np.array([1.0, 2.0, 3.0]))
-    np.testing.assert_allclose(fixed.force(state), [100 * 0.1 - 0.1, 0.4, 50 * 0.2 - 0.9])
+    np.testing.assert_allclose(fixed.wrench(state, 0.0)[0], [100 * 0.1 - 0.1, 0.4, 50 * 0.2 - 0.9])
     riding = Spring(np.array([0.5, 0.0, 0.5]), stiffness=np.array([100.0, 0.0, 0.0]), damping=0.0, frame="heading")
     # In the heading frame the point is (-1.8, 0.7, 0.5); the spring pulls along heading x, which is world y.
-    np.testing.assert_allclose(riding.force(state), [0.0, 100 * 2.3, 0.0])
+    np.testing.assert_allclose(riding.wrench(state, 0.0)[0], [0.0, 100 * 2.3, 0.0])
     capped = Spring(np.array([10.0, 0.2, 0.5]), stiffness=150.0, damping=0.0, limit_n=40.0)
-    np.testing.assert_allclose(capped.force(state), [40.0, 0.0, 0.0])
+    np.testing.assert_allclose(capped.wrench(state, 0.0)[0], [40.0, 0.0, 0.0])
 
 
 def test_spring_with_heading_anchor_rides_with_the_base(world):
