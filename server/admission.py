@@ -18,9 +18,12 @@ MAX_SOCKETS = 100
 """Two per browser: state and scene."""
 
 MAX_RATE_HZ = 500.0
-"""Of all callers together: one that waits for each answer before the next call hardly gets there."""
+"""Of all callers together."""
 
-MAX_BURST = 500.0
+MAX_BURST = 100.0
+LONGEST_WAIT_S = 0.01
+"""Few callers who ask without end are slowed to the rate. Many are refused, so that nobody waits long."""
+
 HOLD_BACK_S = 0.1
 """The answer to a call above the rate is held back, or whoever calls without end would keep us busy with refusals."""
 
@@ -39,15 +42,16 @@ class CallRate:
         self._left = MAX_BURST
         self._last_s = clock()
 
-    def allows(self) -> bool:
-        """Count a call, if it is not one too many."""
+    def wait_s(self) -> float | None:
+        """Count a call; how long it waits for its turn, None if that were too long: then it does not count."""
         now = self._clock()
         self._left = min(self._left + (now - self._last_s) * MAX_RATE_HZ, MAX_BURST)
         self._last_s = now
-        if self._left < 1.0:
-            return False
+        wait_s = max(1.0 - self._left, 0.0) / MAX_RATE_HZ
+        if wait_s > LONGEST_WAIT_S:
+            return None
         self._left -= 1.0
-        return True
+        return wait_s
 
 
 class Admission:
@@ -63,17 +67,21 @@ class Admission:
         if kind not in self._open:
             await self._app(scope, receive, send)
             return
+        wait_s: float | None = 0.0
         if scope["path"] not in ALWAYS_SERVED:
             if self._open[kind] >= (MAX_CALLS if kind == "http" else MAX_SOCKETS):
                 await _refuse(scope, receive, send, "at once")
                 return
-            if not self._rate.allows():
+            wait_s = self._rate.wait_s()
+            if wait_s is None:
                 await asyncio.sleep(HOLD_BACK_S)
                 await _refuse(scope, receive, send, f"per second, more than {MAX_RATE_HZ:g}")
                 return
         scope.setdefault("state", {})[ADMITTED] = True
         self._open[kind] += 1
         try:
+            if wait_s > 0.0:
+                await asyncio.sleep(wait_s)
             await self._app(scope, receive, send)
         finally:
             self._open[kind] -= 1

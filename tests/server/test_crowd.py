@@ -20,7 +20,7 @@ from starlette.types import Message, Receive, Scope, Send
 from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
 
 from server import admission, http_protocol
-from server.admission import ALWAYS_SERVED, MAX_BURST, MAX_CALLS, MAX_RATE_HZ, MAX_SOCKETS, Admission, CallRate
+from server.admission import ALWAYS_SERVED, LONGEST_WAIT_S, MAX_BURST, MAX_CALLS, MAX_RATE_HZ, MAX_SOCKETS, Admission, CallRate
 from server.crowd import max_connections
 from server.http_protocol import MAX_HEAD_BYTES, GuardedHttpProtocol
 from tests.server.running_server import RunningServer
@@ -160,7 +160,8 @@ def test_a_call_that_is_being_answered_makes_no_room(server: RunningServer, monk
 
 
 @pytest.mark.parametrize(("kind", "most"), [("http", MAX_CALLS), ("websocket", MAX_SOCKETS)])
-def test_too_much_at_once_is_refused_but_no_estop(kind: str, most: int) -> None:
+def test_too_much_at_once_is_refused_but_no_estop(kind: str, most: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(admission, "MAX_BURST", 1e6)
     served: list[str] = []
 
     async def stuck(scope: Scope, _: Receive, __: Send) -> None:
@@ -199,17 +200,26 @@ def test_too_much_at_once_is_refused_but_no_estop(kind: str, most: int) -> None:
     assert served == ["/api/v1/scene"] * most + [*ALWAYS_SERVED, "/api/v1/scene"]
 
 
-def test_the_rate_is_that_of_the_bucket_once_the_burst_is_used_up() -> None:
+def test_whoever_waits_for_his_answers_is_slowed_to_the_rate_and_never_refused() -> None:
+    now, calls = 0.0, 0
+    rate = CallRate(lambda: now)
+    while now < 10.0:
+        wait_s = rate.wait_s()
+        assert wait_s is not None
+        now += wait_s + 1e-5
+        calls += 1
+    assert calls == pytest.approx(10.0 * MAX_RATE_HZ + MAX_BURST, rel=0.01)
+
+
+def test_of_many_who_do_not_wait_the_rate_is_served_and_the_rest_refused() -> None:
     now = 0.0
     rate = CallRate(lambda: now)
-    assert sum(rate.allows() for _ in range(3 * int(MAX_BURST))) == MAX_BURST
+    assert sum(rate.wait_s() is not None for _ in range(3 * int(MAX_BURST))) == MAX_BURST + LONGEST_WAIT_S * MAX_RATE_HZ
     served = 0
     for tick in range(1, 4001):
         now = tick / (4.0 * MAX_RATE_HZ)
-        served += rate.allows()
+        served += rate.wait_s() is not None
     assert served == pytest.approx(1000, abs=1)
-    now += 100.0
-    assert sum(rate.allows() for _ in range(3 * int(MAX_BURST))) == MAX_BURST
 
 
 def test_a_flood_is_refused_and_the_estop_is_not(server: RunningServer, monkeypatch: pytest.MonkeyPatch) -> None:

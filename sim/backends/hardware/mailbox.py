@@ -10,7 +10,6 @@ import os
 import re
 import socket
 import struct
-from collections.abc import Iterator
 from enum import StrEnum
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -36,6 +35,9 @@ class Order(StrEnum):
     REPORT = "report"
 
 
+_ORDERS = {order.encode(): order for order in Order}
+
+
 class Answer(NamedTuple):
     """State of the drives, and whether a control process was heard lately."""
 
@@ -59,15 +61,17 @@ class Mailbox:
             self._socket.close()
             raise BackendError(f"{_holder(name)} already commands this robot; end it, or attach to it instead") from None
 
-    def take(self) -> Iterator[tuple[Order, Any]]:
-        """Orders that have come, and where each is answered to."""
+    def take(self) -> list[tuple[Order, Any]]:
+        """Orders that have come, and where each is answered to. Whatever else has come is dropped."""
+        orders = []
         for _ in range(_PER_TICK):
             try:
                 content, sender = _receive(self._socket)
-            except BlockingIOError:
-                return
-            with contextlib.suppress(ValueError):
-                yield Order(content.decode(errors="replace")), sender
+            except OSError:  # nothing more, as a rule; no failure of the mail may hold up whoever damps the robot
+                break
+            if content in _ORDERS:
+                orders.append((_ORDERS[content], sender))
+        return orders
 
     def answer(self, sender: Any, answer: Answer) -> None:
         """Tell whoever has sent an order what came of it, if he still listens."""

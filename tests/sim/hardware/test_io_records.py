@@ -130,17 +130,15 @@ def test_orders_are_taken_and_answered(name: str) -> None:
     mailbox = Mailbox(name)
     with ThreadPoolExecutor(1) as pool:
         asking = pool.submit(ask, name, Order.ESTOP, 20.0)
-        while not (orders := list(mailbox.take())):
+        while not (orders := mailbox.take()):
             pass
         assert [order for order, _ in orders] == [Order.ESTOP]
         mailbox.answer(orders[0][1], Answer(DriveState.FAULT, True))
         assert asking.result() == Answer(DriveState.FAULT, True)
-    with pytest.raises(ValueError, match="nonsense"):
-        Order("nonsense")
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as stranger:
         stranger.sendto(b"nonsense", f"\0{name}")
         stranger.sendto(b"e" * 5000, f"\0{name}")
-    assert list(mailbox.take()) == []
+    assert mailbox.take() == []
     mailbox.close()
 
 
@@ -150,7 +148,7 @@ def test_a_stranger_gives_no_orders_and_no_answers_and_his_lock_holds_too(name: 
     send = f"import socket; socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM).sendto(b'estop', '\\0{name}')"
     mailbox = Mailbox(name)
     subprocess.run([*stranger, send], check=True)
-    assert list(mailbox.take()) == []
+    assert mailbox.take() == []
     mailbox.close()
     answer = f"import socket, sys; s = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM); s.bind('\\0{name}')\n"
     answer += (
