@@ -71,8 +71,8 @@ class RobotHandle:
 
     def stopped(self) -> bool:
         """Whether the I/O process reports that it damps in FAULT."""
-        report = None if self._remote is None else self._remote.report()
-        return report is not None and report.state == DriveState.FAULT
+        seen = self.status() or (None if self._remote is None else self._remote.report())
+        return seen is not None and seen.state == DriveState.FAULT
 
     def end(self) -> None:
         """Tell the I/O process to damp and to end when the robot is at rest."""
