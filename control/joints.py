@@ -1,4 +1,4 @@
-"""Joint order, gains and nominal posture of the robot: the one map between MuJoCo, Pinocchio and vendor orders, by name.
+"""Joint order, gains, torque limits and nominal posture of the robot: the one map between all joint orders, by name.
 
 The joint order everywhere in Forcelens is: FL, FR, RL, RR legs (hip, thigh, calf each), then the four wheels in the same
 order, then arm joints 1-6: 22 joints. Gains are the paper's (Sec. II.E) and equal the actuators of assets/robot/robot.xml.

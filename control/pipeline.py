@@ -23,6 +23,7 @@ from control.command.limits import DEFAULT_COMMAND, CommandLimits, HandState, cl
 from control.command.tip_over import feasible_force_scale
 from control.estimation.base_state import BaseStateConfig, BaseStateEstimator
 from control.estimation.force_estimator import EstimatorInput, ForceEstimator, require_sound
+from control.estimation.odometry import OdometryConfig, WheelOdometry
 from control.estimation.registry import EstimatorsConfig, make_estimators
 from control.failures import FailureError, Failures
 from control.faults import Fault
@@ -32,7 +33,7 @@ from control.policy.policy_controller import make_policies
 from control.robot_model import RobotModel
 from control.safety import SafetyConfig, SafetyGate, SafetyStatus
 from control.timing import CONTROL_PERIOD_S, SLOT_COUNT, Job, due, shown_slots
-from control.types import BaseState, Command, ForceEstimate, JointCommand, SensorFrame
+from control.types import BaseState, Command, ForceEstimate, JointCommand, Odometry, SensorFrame
 from control.whole_body.controller import Controller, ControllerInput
 from control.whole_body.model_based import ModelBasedController
 
@@ -49,6 +50,7 @@ class PipelineConfig:
     policies: Path | None = WEIGHTS_DIRECTORY
     limits: CommandLimits = field(default_factory=CommandLimits)
     base_state: BaseStateConfig = field(default_factory=BaseStateConfig)
+    odometry: OdometryConfig = field(default_factory=OdometryConfig)
     estimators: EstimatorsConfig = field(default_factory=EstimatorsConfig)
     guidance: GuidanceConfig = field(default_factory=GuidanceConfig)
     safety: SafetyConfig = field(default_factory=SafetyConfig)
@@ -62,6 +64,7 @@ class PipelineOutput:
         joint_command: to the drives.
         applied_command: after guidance, limits, tip-over limit and filter.
         base: estimated state of the base.
+        odometry: where it has rolled to since the last reset.
         hand: pose, and the force that the selected estimator gives; zero before its first estimate.
         estimates: newest estimate by estimator, of those that have given one.
         safety: what the gate did and why.
@@ -71,6 +74,7 @@ class PipelineOutput:
     joint_command: JointCommand
     applied_command: Command
     base: BaseState
+    odometry: Odometry
     hand: HandState
     estimates: dict[str, ForceEstimate]
     safety: SafetyStatus
@@ -100,6 +104,7 @@ class Pipeline:
         self.config = config
         self.model = RobotModel()
         self._base_state = BaseStateEstimator(config.base_state, self.model)
+        self._odometry = WheelOdometry(config.odometry, self.model)
         self._estimators = make_estimators(self.model, config.estimators)
         self._controllers: dict[str, Controller] = {"model_based": ModelBasedController(self.model)}
         self._controllers |= make_policies(config.policies, self.model)
@@ -143,6 +148,7 @@ class Pipeline:
         self._controller_reset_due = True
         self._failures.clear()
         self._base_state.reset()
+        self._odometry.reset()
         for estimator in self._estimators.values():
             estimator.reset()
         self._filter.reset()
@@ -219,6 +225,7 @@ class Pipeline:
         self._estimate(EstimatorInput(self._tick, self.model, sensor, base, self._applied.mask))
         estimate = self._estimates.get(self.estimator_name)
         heading = rotation_heading_to_world(base.rotation_base_to_world)
+        odometry = self._odometry.step(heading)
         hand = self._hand(base.height_m, heading, np.zeros(3) if estimate is None else estimate.force_estimated_n)
         if estimate is not None:  # no controller acts on a force that nobody has estimated
             if due(Job.REFERENCES, self._tick) or self._starting:
@@ -232,7 +239,7 @@ class Pipeline:
             reported |= Fault.ESTIMATOR_STALE
         joint_command, safety = self._safety.step(sensor, base, reported)
         self._tick += 1
-        return PipelineOutput(joint_command, self._applied, base, hand, self._estimates, safety, failures)
+        return PipelineOutput(joint_command, self._applied, base, odometry, hand, self._estimates, safety, failures)
 
     def _refer(self, command: Command, heading: np.ndarray, hand: HandState) -> None:
         if not self._safety.in_control:

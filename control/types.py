@@ -72,6 +72,21 @@ class BaseState:
 
 
 @dataclass(frozen=True, slots=True)
+class Odometry:
+    """Where the robot has rolled to since the pipeline was reset (control.estimation.odometry).
+
+    Attributes:
+        position_m: (2,) of the base origin; its frame lay below the base at the reset, x ahead.
+        yaw_rad: turned since, counterclockwise, without wrapping.
+        sigma_m: standard deviation of the position's error, estimated.
+    """
+
+    position_m: np.ndarray
+    yaw_rad: float
+    sigma_m: float
+
+
+@dataclass(frozen=True, slots=True)
 class ForceEstimate:
     """Output of a force estimator at one tick.
 

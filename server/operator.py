@@ -26,6 +26,7 @@ from sim.backends.hardware.backend import unavailable_because
 from sim.backends.hardware.config import HardwareConfig
 from sim.backends.hardware.states import ACTIVE
 from sim.backends.hardware.status import HardwareStatus
+from sim.runtime.fault_words import ESTOP_LATCHED
 from sim.runtime.snapshot import COMMAND, Mode, command_to_record, on_hardware
 
 _log = logging.getLogger(__name__)
@@ -109,7 +110,7 @@ class Operator:
         patch = validated(CommandPatch, {name: _plain(value) for name, value in fields.items()})
         self._client.require_alive()
         if self._latched():
-            raise RefusedError("the e-stop is latched; POST /api/v1/estop/clear first")
+            raise RefusedError(ESTOP_LATCHED)
         changes = {name: np.array(value, dtype=float) if name != "guidance" else value for name, value in patch.items()}
         with self._lock:
             if not changes:

@@ -3,13 +3,7 @@
 from typing import NamedTuple
 
 from server.control_client import STALLED_AFTER_S, ControlClient
-
-CONTROL_PROCESS_DEAD = "CONTROL_PROCESS_DEAD"
-CONTROL_PROCESS_SILENT = "CONTROL_PROCESS_SILENT"
-SILENCE_WORDS = {
-    CONTROL_PROCESS_DEAD: "The control process has stopped. Nothing controls the robot.",
-    CONTROL_PROCESS_SILENT: "The control process does not answer. The page shows the robot as it was then.",
-}
+from sim.runtime.fault_words import CONTROL_PROCESS_DEAD, CONTROL_PROCESS_SILENT
 
 
 class Silence(NamedTuple):

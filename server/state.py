@@ -13,10 +13,10 @@ import numpy as np
 from control.joints import JOINT_NAMES, LEGS
 from control.types import Command
 from server.answers.command import CommandAnswer, CommandFields
-from server.answers.state import Base, Contact, Drive, EndEffector, Joints, Loop
-from server.silence import NO_SILENCE, SILENCE_WORDS, Silence
+from server.answers.state import Base, Contact, Drive, EndEffector, Joints, Loop, Odometry
+from server.silence import NO_SILENCE, Silence
 from sim.backends.hardware.states import DriveState
-from sim.runtime.fault_words import drive_fault_words, fault_words, message
+from sim.runtime.fault_words import SILENCE_WORDS, drive_fault_words, fault_words, message
 from sim.runtime.snapshot import Mode, on_hardware
 
 
@@ -70,6 +70,14 @@ def _base(record: np.void) -> Base:
         "orientation_wxyz": _vector(record["base_orientation_wxyz"]),
         "linear_velocity_mps": _vector(record["base_linear_velocity"]),
         "angular_velocity_rps": _vector(record["base_angular_velocity"]),
+    }
+
+
+def _odometry(record: np.void) -> Odometry:
+    return {
+        "position_m": record["odometry_position"].tolist(),
+        "yaw_rad": float(record["odometry_yaw"]),
+        "sigma_m": float(record["odometry_sigma"]),
     }
 
 
@@ -160,6 +168,7 @@ SECTIONS: dict[str, Callable[[np.void], Any]] = {
     "command": lambda record: command_fields(record["command"]),
     "applied_command": lambda record: command_fields(record["applied_command"]),
     "base": _base,
+    "odometry": _odometry,
     "joints": _joints,
     "end_effector": _end_effector,
     "contacts": _contacts,

@@ -5,7 +5,7 @@ import html
 import numpy as np
 import viser
 
-from sim.runtime.fault_words import NO_SNAPSHOT_WORDS, message
+from sim.runtime.fault_words import CONTROL_PROCESS_SILENT, SILENCE_WORDS, message
 from sim.runtime.snapshot import Mode
 from web import theme
 
@@ -15,7 +15,7 @@ _BOX = "margin:0.5em 0.75em;padding:0.5em 0.75em;border-radius:4px;font-size:0.8
 def alert_text(snapshot: np.void | None) -> tuple[str, str] | None:
     """Message and background of the alert for a SNAPSHOT record (None: the control process is dead or hangs), or None."""
     if snapshot is None:
-        return NO_SNAPSHOT_WORDS, theme.ALERT
+        return SILENCE_WORDS[CONTROL_PROCESS_SILENT], theme.ALERT
     words = message(snapshot)
     alarming = snapshot["mode"] == Mode.ESTOP or bool(snapshot["failure"])
     return None if words is None else (words, theme.ALERT if alarming else theme.CAUTION)

@@ -1,7 +1,8 @@
 """The mask law: how much of a hand axis is under force control.
 
 An axis whose mask is 0 tracks its position. One whose mask is 1 regulates its force, but only once the force asked for has
-met something: until then the hand moves towards contact under velocity control.
+met something: until then the hand moves towards contact under velocity control. `control.whole_body.arm` blends position and
+force control by this share.
 """
 
 from control.kernels.compiled import kernel

@@ -21,7 +21,7 @@ def feasible_force_scale(
         force_n: (3,) N, environment on hand, in heading.
         model: at the robot's configuration.
         rotation_heading_to_world: (3, 3).
-        margin_m: distance from the edges.
+        margin_m: distance from the edges, `CommandLimits.tip_over_margin_m`.
 
     Returns:
         1 where the whole force can be borne; 0 where the robot tips already and the force adds to it.
@@ -61,7 +61,7 @@ def _feasible_scale(
         contacts: (4, 3) m, like `hand` h and `mass_center` m world-aligned. The wheels' mean height counts as the ground's.
         heading: (3, 3) heading to world.
         weight_n: W.
-        margin_m: distance from the edges.
+        margin_m: distance from the edges, `CommandLimits.tip_over_margin_m`.
 
     Returns:
         s.

@@ -33,7 +33,7 @@ from control.estimation.wrench_projection import (
 )
 from control.estimation.wrench_qp import WrenchProjectionError
 from control.frames import rotation_heading_to_world
-from control.joints import ARM_SLICE, LEGS
+from control.joints import ARM_SLICE, LEGS, WHEEL_FRICTION
 from control.kernels.compiled import kernel
 from control.robot_model import WRENCH_SIZE, RobotModel
 from control.timing import Job, due
@@ -54,7 +54,7 @@ class AdaptiveConfig:
     gains: ObserverGains = SLOPE_GAINS
     weights: ProjectionWeights = field(default_factory=lambda: ProjectionWeights(support_cost=1e-6, force_cost=1e-6))
     adaptation: ModelAdaptationConfig = field(default_factory=ModelAdaptationConfig)
-    friction: float = 0.8
+    friction: float = WHEEL_FRICTION
     stop_margin_rad: float = 0.02
 
 

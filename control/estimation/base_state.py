@@ -3,7 +3,12 @@
 The filter's state is the velocity of the IMU itself. Its derivative is exactly what the accelerometer measures, so neither
 the angular acceleration nor the centripetal term of the lever arm to the base origin is ever needed:
 
-    d/dt v_imu = R a_imu + g + (v_rolling - v_imu) / tau
+    d/dt v_imu = R (a_imu + c) + g + (v_rolling - v_imu) / tau
+    d/dt c     = k R^T (v_rolling - v_imu)
+
+with c, what the accelerometer's bias and the attitude's (which turns gravity into an acceleration) are lacking. Without c they
+would leave a velocity of bias times tau. While the wheels stand, rolling contact knows the velocity to millimetres per second,
+and corrects both states fast; while they roll and scrub, it corrects slowly what it knows in the long run only.
 
 Rolling contact gives one velocity per wheel: its lowest material point stands still on the ground. The two extreme wheels
 are dropped per axis, which rejects a lifted or spinning wheel and the scrub of skid steering.
@@ -16,11 +21,15 @@ import numpy as np
 
 from control.estimation.rolling_contact import contact_speed
 from control.frames import rotation_from_quaternion
+from control.joints import WHEEL_RADIUS_M, WHEEL_SLICE
 from control.kernels.compiled import kernel
+from control.kernels.records import config_record, packed
+from control.kernels.small_algebra import clip
 from control.robot_model import GRAVITY_MPS2, RobotModel, stack_velocity
 from control.timing import TICK_S
 from control.types import BaseState, SensorFrame
 
+_WHEELS = (WHEEL_SLICE.start, WHEEL_SLICE.stop)
 _UNKNOWN = np.full(3, np.nan)
 """The base's linear velocity, where it is not to be read."""
 
@@ -30,15 +39,34 @@ class BaseStateConfig:
     """Attributes:
     crossover_s: tau, above which rolling contact corrects the integrated accelerometer. Force estimation needs the
         derivative of this velocity, which rolling contact alone gives only with joint noise and wheel slip.
+    standing_crossover_s: the same while all wheels stand.
+    bias_rate, standing_bias_rate: k, 1/s^2, while the wheels roll, and while they stand; critical damping is 1 / (4 tau^2).
+    standing_speed_mps: of the fastest wheel's surface, at which the robot counts half as standing.
     period_s: sample period.
     """
 
     crossover_s: float = 1.0
+    standing_crossover_s: float = 0.25
+    bias_rate: float = 0.05
+    standing_bias_rate: float = 4.0
+    standing_speed_mps: float = 0.02
     period_s: float = TICK_S
 
     def __post_init__(self) -> None:
         if not self.crossover_s > self.period_s > 0.0:
             raise ValueError(f"crossover_s must exceed period_s > 0, got {self.crossover_s} and {self.period_s}")
+        if not self.standing_crossover_s > self.period_s:
+            raise ValueError(f"standing_crossover_s must exceed period_s {self.period_s}, got {self.standing_crossover_s}")
+
+
+BASE_STATE = config_record(BaseStateConfig(), lever=3)
+"""The configuration, and the position of the IMU in base, m."""
+
+_LARGEST_BIAS = 0.3
+"""m/s^2 per axis. No IMU on its feet has more; a robot on its side would learn any."""
+
+_LARGEST_SURPRISE = 0.1
+"""m/s of v_rolling - v_imu that the bias learns from: what exceeds it is slip, or wheels in the air."""
 
 
 @kernel("f8(f8, f8, f8, f8)")
@@ -52,20 +80,22 @@ def middle(a: float, b: float, c: float, d: float) -> float:
 
 
 @kernel(
-    "Tuple((b1, f8))(f8[:,::1], f8[::1], vector, f8[:,::1], f8[:,::1], f8[::1], f8[::1], b1, f8, f8, f8[::1], f8[::1])",
+    "Tuple((b1, f8))(f8[:,::1], f8[::1], vector, vector, f8[:,::1], f8[:,::1], f8[::1], b1,"
+    " Config[::1], f8[::1], f8[::1], f8[::1])",
+    Config=BASE_STATE,
 )
 def complementary_filter(
     rotation_base_to_world: np.ndarray,
     rates: np.ndarray,
     acceleration: np.ndarray,
+    joint_velocity: np.ndarray,
     jacobian: np.ndarray,
     contact_points: np.ndarray,
     velocity: np.ndarray,
-    lever: np.ndarray,
     started: bool,
-    period_s: float,
-    crossover_s: float,
+    config: np.ndarray,
     imu_velocity: np.ndarray,
+    correction: np.ndarray,
     base_velocity: np.ndarray,
 ) -> tuple[bool, float]:
     """One period of the filter above; nothing changes where its result is not finite.
@@ -74,25 +104,32 @@ def complementary_filter(
         rotation_base_to_world: (3, 3).
         rates: (3,) rad/s, in base.
         acceleration: (3,) m/s^2, specific force at the IMU, in base axes.
+        joint_velocity: (22,) rad/s.
         jacobian: (18, 28) B^T of eq. (9).
         contact_points: (4, 3) m, world-aligned, from the base origin.
         velocity: (28,) v with the rates and joint velocities; its first three entries are not read.
-        lever: (3,) m, IMU in base.
         started: whether `imu_velocity` is the filter's state already; else rolling contact starts it.
-        period_s, crossover_s: s.
+        config: (1,) BASE_STATE.
         imu_velocity: (3,) m/s, in world, state of the filter.
+        correction: (3,) m/s^2, in base, c, state of the filter.
         base_velocity: (3,) m/s, in base, of its origin, the result.
 
     Returns:
         Whether the result is finite, and the height of the base origin above the ground, m.
     """
-    r = rotation_base_to_world
+    r, lever = rotation_base_to_world, config[0].lever
+    fastest = 0.0
+    for wheel in range(_WHEELS[0], _WHEELS[1]):
+        fastest = max(fastest, WHEEL_RADIUS_M * abs(joint_velocity[wheel]))
+    standing = 1.0 / (1.0 + (fastest / config[0].standing_speed_mps) ** 2)
+    velocity_rate = (1.0 - standing) / config[0].crossover_s + standing / config[0].standing_crossover_s
+    bias_rate = (1.0 - standing) * config[0].bias_rate + standing * config[0].standing_bias_rate
     cross = (
         rates[1] * lever[2] - rates[2] * lever[1],
         rates[2] * lever[0] - rates[0] * lever[2],
         rates[0] * lever[1] - rates[1] * lever[0],
     )
-    new, from_lever = np.empty(3), np.empty(3)
+    new, from_lever, surprise = np.empty(3), np.empty(3), np.zeros(3)
     height = -middle(contact_points[0, 2], contact_points[1, 2], contact_points[2, 2], contact_points[3, 2])
     total = height
     for axis in range(3):
@@ -105,11 +142,14 @@ def complementary_filter(
         )
         new[axis] = rolling
         if started:
-            change = r[axis, 0] * acceleration[0] + r[axis, 1] * acceleration[1] + r[axis, 2] * acceleration[2]
+            change = 0.0
+            for i in range(3):
+                change += r[axis, i] * (acceleration[i] + correction[i])
             if axis == 2:
                 change -= GRAVITY_MPS2
-            change += (rolling - imu_velocity[axis]) / crossover_s
-            new[axis] = imu_velocity[axis] + period_s * change
+            error = rolling - imu_velocity[axis]
+            surprise[axis] = clip(error, -_LARGEST_SURPRISE, _LARGEST_SURPRISE)
+            new[axis] = imu_velocity[axis] + config[0].period_s * (change + velocity_rate * error)
         total += new[axis]
     if not math.isfinite(total):
         return False, 0.0
@@ -118,6 +158,8 @@ def complementary_filter(
         base_velocity[axis] = 0.0
         for i in range(3):
             base_velocity[axis] += (new[i] - from_lever[i]) * r[i, axis]
+            correction[axis] += config[0].period_s * bias_rate * surprise[i] * r[i, axis]
+        correction[axis] = clip(correction[axis], -_LARGEST_BIAS, _LARGEST_BIAS)
     return True, height
 
 
@@ -125,15 +167,17 @@ class BaseStateEstimator:
     """Complementary filter from sensor frames to `BaseState`, one frame per period."""
 
     def __init__(self, config: BaseStateConfig, model: RobotModel) -> None:
-        self._config = config
+        self._config = packed(BASE_STATE, config, lever=model.imu_position_in_base)
         self._model = model
         self._velocity = np.zeros(len(model.velocity))
         self._imu_velocity = np.zeros(3)
+        self._correction = np.zeros(3)
         self.reset()
 
     def reset(self) -> None:
         """Start over from rolling contact at the next frame."""
         self._last: BaseState | None = None
+        self._correction[:] = 0.0
 
     def step(self, sensor: SensorFrame) -> BaseState:
         """Advance one period; moves the model's kinematics to the frame's configuration.
@@ -143,7 +187,7 @@ class BaseStateEstimator:
         Raises:
             ValueError: the first frame is not finite.
         """
-        model, config = self._model, self._config
+        model = self._model
         rotation, rates = rotation_from_quaternion(sensor.orientation_wxyz), np.array(sensor.angular_velocity)
         model.update_configuration(rotation, sensor.joint_position)
         stack_velocity(_UNKNOWN, rates, sensor.joint_velocity, model.joint_rows, self._velocity)
@@ -152,14 +196,14 @@ class BaseStateEstimator:
             rotation,
             rates,
             sensor.linear_acceleration,
+            sensor.joint_velocity,
             model.wrench_jacobian,
             model.wheel_contact_positions,
             self._velocity,
-            model.imu_position_in_base,
             self._last is not None,
-            config.period_s,
-            config.crossover_s,
+            self._config,
             self._imu_velocity,
+            self._correction,
             velocity,
         )
         if finite:

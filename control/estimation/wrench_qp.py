@@ -15,7 +15,7 @@ import numpy as np
 from scipy import sparse
 
 from control.estimation.wrench_projection import WrenchProblem
-from control.joints import LEGS
+from control.joints import LEGS, WHEEL_FRICTION
 from control.kernels.compiled import kernel
 from control.kernels.small_algebra import solve_positive
 from control.robot_model import WRENCH_SIZE
@@ -43,7 +43,7 @@ class ContactConstraints:
         cone: PYRAMID, inscribed in the cone and aligned with the heading frame, or SECOND_ORDER, the cone itself.
     """
 
-    friction: float = 0.8
+    friction: float = WHEEL_FRICTION
     cone: FrictionCone = FrictionCone.PYRAMID
 
     def __post_init__(self) -> None:

@@ -21,6 +21,7 @@ from control.joints import JOINT_COUNT
 EXAMPLES: dict[str, Any] = json.loads(Path(__file__).with_name("examples.json").read_text(encoding="utf-8"))
 """A recorded answer by the name of its schema or, of refusals, by status; `tests/server/record_examples.py` records them."""
 
+Vector2 = Annotated[list[float], Field(min_length=2, max_length=2)]
 Vector3 = Annotated[list[float], Field(min_length=3, max_length=3)]
 Quaternion = Annotated[list[float], Field(min_length=4, max_length=4)]
 Mask = Annotated[list[Literal[0, 1]], Field(min_length=3, max_length=3)]

@@ -5,10 +5,9 @@ from typing import Annotated
 from control.faults import Fault
 from control.joints import JOINT_NAMES, LEGS
 from server.answers.command import CommandFields
-from server.answers.schema import Answer, OneOf, PerJoint, Quaternion, Vector3, names_of
-from server.silence import CONTROL_PROCESS_DEAD, CONTROL_PROCESS_SILENT
+from server.answers.schema import Answer, OneOf, PerJoint, Quaternion, Vector2, Vector3, names_of
 from sim.backends.hardware.states import DriveState
-from sim.runtime.fault_words import BACKEND_FAILED, LOOP_OVERRUNS
+from sim.runtime.fault_words import BACKEND_FAILED, CONTROL_PROCESS_DEAD, CONTROL_PROCESS_SILENT, LOOP_OVERRUNS
 from sim.runtime.snapshot import Mode
 
 _FAULTS = OneOf(
@@ -26,13 +25,24 @@ class Base(Answer):
     """The trunk."""
 
     position_m: Vector3 | None
-    """m, in world, of the base frame's origin: true in simulation; on hardware x and y are 0 and z is estimated"""
+    """m, in world, of the base frame's origin: true in simulation, by odometry and leg kinematics on hardware"""
     orientation_wxyz: Quaternion | None
     """of the base in world: true in simulation, by the IMU on hardware"""
     linear_velocity_mps: Vector3 | None
     """m/s, heading, estimated from IMU and joints"""
     angular_velocity_rps: Vector3 | None
     """rad/s, in base, as the gyroscope measures it"""
+
+
+class Odometry(Answer):
+    """Where the robot has rolled to since its pipeline was last reset: by wheels and IMU, in simulation too."""
+
+    position_m: Vector2
+    """m, of the base origin; the frame lay below it at the reset, x ahead"""
+    yaw_rad: float
+    """rad turned since, counterclockwise, not wrapped"""
+    sigma_m: float
+    """m, estimated standard deviation of the position"""
 
 
 class Joints(Answer):
@@ -153,6 +163,7 @@ class StateAnswer(Answer):
     applied_command: CommandFields
     """as applied: the command asked for after guidance, limits, the tip-over limit and rate limits"""
     base: Base
+    odometry: Odometry
     joints: Joints
     end_effector: EndEffector
     contacts: list[Contact]

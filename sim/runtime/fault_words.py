@@ -1,8 +1,13 @@
-"""What is wrong with the robot of a snapshot, in words for people: REST, stream, page and console take them from here."""
+"""What is wrong with the robot of a snapshot, in words for people: REST, stream, page and console take them from here.
+
+Only the words for a drive's own reasons stand beside them, in `sim.backends.hardware.states`: the I/O process says them too.
+"""
+
+from collections.abc import Mapping
 
 import numpy as np
 
-from control.faults import Fault, describe
+from control.faults import Fault
 from sim.backends.hardware import states
 from sim.runtime.snapshot import Mode, on_hardware
 
@@ -13,7 +18,36 @@ LOOP_OVERRUNS = "LOOP_OVERRUNS"
 OVERRUN_SHARE_LIMIT = 0.05
 """More missed deadlines than this, and the loop does not keep its rate."""
 
-NO_SNAPSHOT_WORDS = "The control process has stopped, or hangs. Restart it in the bar at the top."
+ESTOP_LATCHED = "the e-stop is latched; POST /api/v1/estop/clear first"
+"""Why a request is refused."""
+
+CONTROL_PROCESS_DEAD = "CONTROL_PROCESS_DEAD"
+CONTROL_PROCESS_SILENT = "CONTROL_PROCESS_SILENT"
+SILENCE_WORDS = {
+    CONTROL_PROCESS_DEAD: "The control process has stopped: nothing controls the robot. Restart it.",
+    CONTROL_PROCESS_SILENT: "The control process does not answer, and the state is the last known. Restart it.",
+}
+
+FAULT_WORDS: dict[Fault, str] = {
+    Fault.TILT: "the base tilts too far",
+    Fault.NOT_FINITE: "a measured value or a joint target is not finite",
+    Fault.STALE_SETPOINT: "no fresh command arrives, so the base stops",
+    Fault.STALE_TARGETS: "the controller delivers no new joint targets",
+    Fault.JOINT_LIMIT: "a joint is at its limit",
+    Fault.TORQUE_LIMIT: "a joint is at its torque limit",
+    Fault.ESTIMATOR_STALE: "the force estimate is stale, its last good value is repeated",
+    Fault.CONTROLLER_ERROR: "the controller failed, select another one",
+    Fault.TIP_OVER_LIMIT: "commanded force reduced, the robot would tip over",
+    Fault.ESTIMATOR_ERROR: "a force estimator failed",
+}
+
+
+def describe(faults: Fault, details: Mapping[Fault, str]) -> dict[str, str]:
+    """Words of each fault by its name, followed by the details of those that have any."""
+    return {
+        str(fault.name): f"{FAULT_WORDS[fault]}: {details[fault]}" if details.get(fault) else FAULT_WORDS[fault]
+        for fault in faults
+    }
 
 
 def fault_words(record: np.void) -> dict[str, str]:

@@ -10,6 +10,7 @@ from control.pipeline import PipelineConfig, PipelineOutput
 from control.types import Command
 from sim.backends.hardware.backend import HardwareBackend
 from sim.backends.hardware.states import REQUEST_NAMES, DriveState, Request
+from sim.runtime.fault_words import ESTOP_LATCHED
 from sim.runtime.session import Session, SessionError
 from sim.runtime.snapshot import Mode
 
@@ -56,7 +57,7 @@ class RobotSession(Session[HardwareBackend]):
         if request not in REQUEST_NAMES:
             raise ValueError(f"request must be one of {', '.join(REQUEST_NAMES)}")
         if self.pipeline.estop_latched:
-            raise SessionError("the e-stop is latched; POST /api/v1/estop/clear first")
+            raise SessionError(ESTOP_LATCHED)
         return self.backend.request(Request[request.upper()])
 
     def estop(self) -> None:

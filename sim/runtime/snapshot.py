@@ -65,6 +65,9 @@ SNAPSHOT = np.dtype(
         ("base_position", "f8", 3),  # in world; truth in simulation, odometry on hardware
         ("base_orientation_wxyz", "f8", 4),
         ("base_linear_velocity", "f8", 3),  # in heading, estimated
+        ("odometry_position", "f8", 2),
+        ("odometry_yaw", "f8"),
+        ("odometry_sigma", "f8"),
         ("base_angular_velocity", "f8", 3),  # in base, measured
         ("joint_position", "f8", JOINT_COUNT),
         ("joint_velocity", "f8", JOINT_COUNT),

@@ -7,7 +7,7 @@ from control.frames import quaternion_from_rotation, rotation_heading_to_world
 from control.joints import LEGS
 from control.pipeline import PipelineOutput
 from control.policy.policy_controller import PolicyController
-from control.types import ForceEstimate, SensorFrame
+from control.types import ForceEstimate, Odometry, SensorFrame
 from control.whole_body.controller import Controller
 from sim.backends.protocol import GroundTruth
 from sim.runtime.snapshot import command_to_record
@@ -34,15 +34,19 @@ def write_robot(record: np.void, sensor: SensorFrame, output: PipelineOutput, tr
     record["joint_velocity"] = sensor.joint_velocity
     record["joint_torque"] = sensor.joint_torque
     record["base_linear_velocity"] = base.rotation_base_to_world @ base.linear_velocity_in_base @ heading_in_imu
+    odometry = output.odometry
+    record["odometry_position"] = odometry.position_m
+    record["odometry_yaw"] = odometry.yaw_rad
+    record["odometry_sigma"] = odometry.sigma_m
     record["base_angular_velocity"] = base.angular_velocity_in_base
     record["end_effector_position"] = output.hand.position_in_heading
     record["end_effector_orientation_wxyz"] = quaternion_from_rotation(output.hand.rotation_to_heading)
     if truth is None:
-        # Without an odometry of position the robot is drawn where it started.
-        origin, heading = np.zeros(3), heading_in_imu
-        record["base_position"] = [0.0, 0.0, base.height_m]
+        heading = heading_in_imu
+        origin = np.append(heading[:2, :2] @ _turned_back(odometry), 0.0)
+        record["base_position"] = [*origin[:2], base.height_m]
         record["base_orientation_wxyz"] = quaternion_from_rotation(base.rotation_base_to_world)
-        record["end_effector_position_in_world"] = heading @ output.hand.position_in_heading
+        record["end_effector_position_in_world"] = origin + heading @ output.hand.position_in_heading
     else:
         origin, heading = truth.base_position * [1.0, 1.0, 0.0], truth.rotation_heading_to_world
         record["base_position"] = truth.base_position
@@ -51,6 +55,12 @@ def write_robot(record: np.void, sensor: SensorFrame, output: PipelineOutput, tr
     record["heading_yaw"] = np.arctan2(heading[1, 0], heading[0, 0])
     record["target_position_in_world"] = origin + heading @ output.applied_command.position_m
     command_to_record(output.applied_command, record["applied_command"])
+
+
+def _turned_back(odometry: Odometry) -> np.ndarray:
+    """Position (2,) of the base seen from the odometry's origin, along the axes of today's heading."""
+    c, s = np.cos(odometry.yaw_rad), np.sin(odometry.yaw_rad)
+    return np.array([[c, s], [-s, c]]) @ odometry.position_m
 
 
 def write_forces(

@@ -87,15 +87,16 @@ def console(browser: Browser, domain: int, arm_port: int) -> Iterator[ConsolePro
 
 
 @pytest.fixture
-def api(console: ConsoleProcess) -> Api:
-    """The REST interface of a running, freshly reset simulation."""
+def api(console: ConsoleProcess) -> Iterator[Api]:
+    """The REST interface of a running, freshly reset simulation, which rests afterwards: it takes half a core."""
     api = Api(console.address)
     if api.state()["mode"] == "estop":
         api.call("POST", "estop/clear")
     api.call("POST", "reset", {})
     api.call("POST", "run", {"state": "running", "speed": 1.0})
     api.until(lambda state: state["mode"] == "running" and state["time_s"] > 0.2, "the robot stands")
-    return api
+    yield api
+    api.call("POST", "run", {"state": "paused"})
 
 
 @pytest.fixture(scope="package")

@@ -10,7 +10,7 @@ import pytest
 from control.command.limits import DEFAULT_COMMAND
 from control.estimation.registry import EstimatorsConfig
 from control.failures import RECOVERED_AFTER_S, FailureError
-from control.faults import FAULT_WORDS, Fault, describe
+from control.faults import Fault
 from control.joints import DAMPING, JOINT_COUNT, NOMINAL_POSITION, STIFFNESS
 from control.pipeline import Pipeline, PipelineConfig, PipelineOutput
 from control.safety import SafetyConfig
@@ -261,11 +261,3 @@ def test_no_controller_acts_on_a_force_that_nobody_has_estimated() -> None:
     assert "adaptive" not in output.estimates
     stand.pipeline.select_estimator("gmo_cqp")
     assert not stand.run(0.2).safety.damping
-
-
-def test_every_fault_has_words_and_details_follow_them() -> None:
-    assert set(FAULT_WORDS) == set(Fault)
-    words = describe(Fault.TILT | Fault.CONTROLLER_ERROR, {Fault.CONTROLLER_ERROR: "mine, ValueError: shapes"})
-    assert words["TILT"] == FAULT_WORDS[Fault.TILT]
-    assert words["CONTROLLER_ERROR"].endswith("mine, ValueError: shapes")
-    assert len(words) == 2

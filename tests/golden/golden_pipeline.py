@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from control.command.limits import DEFAULT_COMMAND
+from control.estimation.base_state import BaseStateConfig
 from control.estimation.registry import LEARNED_NAMES, MODEL_BASED_NAMES
 from control.pipeline import Pipeline, PipelineConfig, PipelineOutput
 from control.types import Command, SensorFrame
@@ -69,6 +70,9 @@ def press(force_z: float, force_y: float | None = None) -> Command:
 
 
 PUSH, SHOVE = np.array([12.0, -8.0, 8.0]), np.array([20.0, 5.0, -6.0])
+BIASED = BaseStateConfig(standing_crossover_s=1.0, bias_rate=0.0, standing_bias_rate=0.0)
+"""The base state as it was, with the bias of the IMU in it."""
+
 FREE = Take(
     2500,
     "policy",
@@ -208,7 +212,7 @@ def _given(value: np.ndarray | float | None) -> np.ndarray:
 
 def replay(frames: np.ndarray) -> dict[str, np.ndarray]:
     """Golden quantities (n, k) by name of the recorded frames (TICKS, 76), by the code as it is."""
-    pipeline = Pipeline(PipelineConfig())
+    pipeline = Pipeline(PipelineConfig(base_state=BIASED))
     stream = iter(frames)
     rows: dict[str, list[np.ndarray]] = {}
     for _, tick, output in play(pipeline, lambda _, tick: unpack(next(stream), tick)):
@@ -218,7 +222,7 @@ def replay(frames: np.ndarray) -> dict[str, np.ndarray]:
 
 def record() -> dict[str, np.ndarray]:
     """Simulated takes: their frames as "frames" (TICKS, 76), and the golden quantities."""
-    pipeline = Pipeline(PipelineConfig())
+    pipeline = Pipeline(PipelineConfig(base_state=BIASED))
     backend = MujocoBackend()
     frames: list[np.ndarray] = []
 

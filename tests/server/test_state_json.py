@@ -5,11 +5,12 @@ import json
 import numpy as np
 import pytest
 
-from control.faults import FAULT_WORDS, Fault
+from control.faults import Fault
 from server.answers.state import StateAnswer
-from server.silence import CONTROL_PROCESS_DEAD, CONTROL_PROCESS_SILENT, SILENCE_WORDS, Silence
+from server.silence import Silence
 from server.state import SECTIONS, encode, estimator_errors, state_json
 from sim.backends.hardware.states import TRIP_TEXT, Trip
+from sim.runtime.fault_words import CONTROL_PROCESS_DEAD, CONTROL_PROCESS_SILENT, FAULT_WORDS, SILENCE_WORDS
 from sim.runtime.snapshot import SNAPSHOT, Mode
 from tests.server.contract import check_fit
 

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 import viser
 
-from control.faults import FAULT_WORDS, Fault
+from control.faults import Fault
+from sim.runtime.fault_words import FAULT_WORDS
 from sim.runtime.snapshot import Mode
 from tests.web.recording_sink import RecordingSink
 from web.alert import alert_text
@@ -104,4 +105,4 @@ def test_there_is_no_alert_when_all_is_well(snapshot: np.void, mode: Mode) -> No
 def test_a_dead_control_process_is_an_alert() -> None:
     alert = alert_text(None)
     assert alert is not None
-    assert "has stopped" in alert[0]
+    assert "does not answer" in alert[0]

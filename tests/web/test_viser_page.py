@@ -4,8 +4,8 @@ import re
 
 import pytest
 
-from control.faults import FAULT_WORDS
 from sim.backends.hardware.states import TRIP_TEXT, Trip
+from sim.runtime.fault_words import FAULT_WORDS
 from web import theme
 from web.viser_page import CLIENT, STATIC, viser_page
 

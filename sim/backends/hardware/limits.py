@@ -5,6 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from control.joints import ARM_SLICE, JOINT_COUNT, LEG_SLICE, WHEEL_SLICE
+from control.safety import SafetyConfig
+
+_GATE = SafetyConfig()
+"""The I/O process does not rely on the gate, which is another process's; what both guard they guard at the same thresholds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -16,7 +20,7 @@ class HardwareLimits:
     | age of the robot's state | state_warn_s | damp at state_damp_s |
     | age of the policy's command | held from command_hold_s | damp at command_damp_s |
     | control process silent while the I/O process itself moves the robot | | damp at control_damp_s |
-    | console's web process silent | (velocity is zero after 0.5 s, control.safety) | damp at operator_damp_s |
+    | console's web process silent | (control.safety stops the base after setpoint_timeout_s) | damp at operator_damp_s |
     | tilt of the base | tilt_warn_rad | damp at tilt_damp_rad |
     | motor temperature | temperature_warn_c | sit at temperature_sit_c, damp at temperature_damp_c |
     | battery | battery_warn_percent | refuse below battery_engage_percent, sit at battery_sit_percent |
@@ -45,12 +49,12 @@ class HardwareLimits:
 
     state_warn_s: float = 0.01
     state_damp_s: float = 0.05
-    command_hold_s: float = 0.06
-    command_damp_s: float = 0.1
+    command_hold_s: float = _GATE.hold_timeout_s
+    command_damp_s: float = _GATE.damp_timeout_s
     control_damp_s: float = 0.5
     operator_damp_s: float = 1.0
-    tilt_warn_rad: float = 0.8
-    tilt_damp_rad: float = 1.0
+    tilt_warn_rad: float = _GATE.tilt_warn_rad
+    tilt_damp_rad: float = _GATE.tilt_damp_rad
     temperature_warn_c: float = 65.0
     temperature_sit_c: float = 70.0
     temperature_damp_c: float = 80.0
@@ -59,16 +63,16 @@ class HardwareLimits:
     battery_sit_percent: int = 15
     torque_fraction: float = 0.9
     torque_s: float = 0.3
-    position_margin_rad: float = 0.087
+    position_margin_rad: float = _GATE.position_margin_rad
     overtravel_rad: float = 0.15
-    leg_velocity_rps: float = 30.0
-    wheel_velocity_rps: float = 40.0
+    leg_velocity_rps: float = _GATE.leg_velocity_rps
+    wheel_velocity_rps: float = _GATE.wheel_velocity_rps
     arm_velocity_rps: float = 3.1
     velocity_s: float = 0.05
     stuck_s: float = 0.5
     stuck_torque_nm: float = 3.0
-    leg_damping: float = 3.0
-    wheel_damping: float = 1.0
+    leg_damping: float = _GATE.leg_damping
+    wheel_damping: float = _GATE.wheel_damping
     release_timeout_s: float = 10.0
     self_test_s: float = 2.0
     self_test_period_s: float = 0.01

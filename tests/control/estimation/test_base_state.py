@@ -12,6 +12,8 @@ from control.robot_model import GRAVITY_MPS2, RobotModel
 from control.types import SensorFrame
 
 CONFIG = BaseStateConfig()
+BLIND = BaseStateConfig(standing_crossover_s=1.0, bias_rate=0.0, standing_bias_rate=0.0)
+"""Without an estimate of biases."""
 UP = np.array([0.0, 0.0, GRAVITY_MPS2])
 
 
@@ -95,7 +97,7 @@ def test_height_comes_from_the_legs_that_stand(model: RobotModel) -> None:
 
 def test_accelerometer_rules_below_the_crossover_and_contact_above(model: RobotModel) -> None:
     """Wheels that claim to stand while the IMU feels 0.5 m/s^2: v(t) = a tau (1 - exp(-t / tau))."""
-    estimator = BaseStateEstimator(CONFIG, model)
+    estimator = BaseStateEstimator(BLIND, model)
     still = frame(np.eye(3))
     estimator.step(still)
     pushed = replace(still, linear_acceleration=UP + [0.5, 0.0, 0.0])
@@ -103,6 +105,45 @@ def test_accelerometer_rules_below_the_crossover_and_contact_above(model: RobotM
     time = np.arange(1, 3001) * CONFIG.period_s
     expected = 0.5 * CONFIG.crossover_s * (1 - np.exp(-time / CONFIG.crossover_s))
     np.testing.assert_allclose(velocity, expected, atol=1e-3)
+
+
+def test_at_rest_no_bias_of_the_imu_is_taken_for_a_velocity(model: RobotModel) -> None:
+    """0.15 m/s^2 of accelerometer, and 10 mrad of attitude, which turn gravity by as much as 0.1 m/s^2."""
+    estimator, blind = BaseStateEstimator(CONFIG, model), BaseStateEstimator(BLIND, model)
+    still = replace(frame(np.eye(3)), linear_acceleration=UP + [0.15, -0.15 + 0.01 * GRAVITY_MPS2, 0.15])
+    for _ in range(2500):
+        base, without = estimator.step(still), blind.step(still)
+    assert np.abs(without.linear_velocity_in_base[[0, 2]]).min() > 0.1
+    assert np.abs(base.linear_velocity_in_base).max() < 1e-3
+
+
+def test_what_was_learned_at_rest_holds_while_the_wheels_roll(model: RobotModel) -> None:
+    estimator = BaseStateEstimator(CONFIG, model)
+    bias, ahead = np.array([0.1, -0.1, 0.1]), np.array([0.5, 0.0, 0.0])
+    for _ in range(2500):
+        estimator.step(replace(frame(np.eye(3)), linear_acceleration=UP + bias))
+    rolling = rolling_joint_velocity(model, np.eye(3), np.array(NOMINAL_POSITION), ahead, np.zeros(3))
+    moving = frame(np.eye(3), joint_velocity=rolling)
+    errors = []
+    for tick in range(2500):
+        push = np.array([0.5 if tick < 500 else 0.0, 0.0, 0.0])
+        slipping = np.array(rolling) * min((tick + 1) / 500, 1.0)
+        base = estimator.step(replace(moving, linear_acceleration=UP + bias + push, joint_velocity=slipping))
+        errors.append(base.linear_velocity_in_base - ahead * min((tick + 1) / 500, 1.0))
+    assert np.abs(errors).max() < 0.01
+
+
+def test_a_robot_whose_wheels_spin_in_the_air_learns_no_absurd_bias(model: RobotModel) -> None:
+    estimator = BaseStateEstimator(CONFIG, model)
+    still, spinning = frame(np.eye(3)), np.zeros(JOINT_COUNT)
+    spinning[WHEEL_SLICE] = 20.0
+    for _ in range(1000):
+        estimator.step(still)
+    for _ in range(1500):
+        estimator.step(replace(still, joint_velocity=spinning))
+    for _ in range(2500):
+        base = estimator.step(still)
+    assert np.abs(base.linear_velocity_in_base).max() < 0.01
 
 
 def test_lever_arm_of_the_imu_is_exact_while_the_base_spins_and_oscillates(model: RobotModel) -> None:
