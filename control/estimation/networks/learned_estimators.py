@@ -74,8 +74,14 @@ class LearnedEstimator:
             self._step_tick = tick
         self._asked_tick = tick
         force = nominal.force_estimated_n + self._force if self._corrects else self._force.copy()
-        mass_scale = nominal.mass_scale if self._corrects else None
-        return ForceEstimate(force, nominal.wheel_forces_in_heading, self._sigma, mass_scale, nominal.stale or self._held)
+        return ForceEstimate(
+            force,
+            nominal.wheel_forces_in_heading,
+            self._sigma,
+            mass_scale=nominal.mass_scale if self._corrects else None,
+            mass_adapting=nominal.mass_adapting and self._corrects,
+            stale=nominal.stale or self._held,
+        )
 
     def _step(self, signals: np.ndarray) -> None:
         try:

@@ -31,6 +31,10 @@ class Drives:
         self._bias, self._control, self._velocity = model.actuator_biasprm, data.ctrl, data.qvel
         self._force = data.actuator_force
 
+    def release(self) -> None:
+        """Drive no joint until the next command."""
+        self._bias[self._actuators] = 0.0
+
     def act(self, command: JointCommand) -> None:
         """Drive the joints with `command` from now on."""
         _drive(

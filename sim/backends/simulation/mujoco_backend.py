@@ -96,7 +96,7 @@ class MujocoBackend:
         model, data = self._model, self._data
         mujoco.mj_resetData(model, data)
         # Gains of the last command would leave their mark on the first solution, from which the solver starts.
-        model.actuator_biasprm[self._actuators] = 0.0
+        self._drives.release()
         self.wrenches.clear()
         data.qpos[self._positions] = KEYFRAMES[keyframe]
         mujoco.mj_kinematics(model, data)
