@@ -24,10 +24,11 @@ from control.command.tip_over import feasible_force_scale, relief_velocity
 from control.estimation.base_state import BaseStateConfig, BaseStateEstimator
 from control.estimation.force_estimator import EstimatorInput, ForceEstimator, require_sound
 from control.estimation.odometry import OdometryConfig, WheelOdometry
-from control.estimation.registry import EstimatorsConfig, make_estimators
+from control.estimation.registry import EstimatorsConfig, bases, make_estimators
 from control.failures import FailureError, Failures
 from control.faults import Fault
-from control.frames import rotation_heading_to_world
+from control.kernels.compiled import kernel
+from control.kernels.small_algebra import rotate_back
 from control.paths import WEIGHTS_DIRECTORY
 from control.policy.policy_controller import make_policies
 from control.robot_model import RobotModel
@@ -98,7 +99,12 @@ class UnknownNameError(ValueError):
 
 
 class Pipeline:
-    """Steps at 500 Hz from a sensor frame to a joint command. Holds no clock and sees no simulator."""
+    """Steps at 500 Hz from a sensor frame to a joint command. Holds no clock and sees no simulator.
+
+    Attributes:
+        bases: the estimator from whose estimate another one makes its own, by the name of the other one.
+        shown_slots: slot of the timetable in which each estimator but the selected one is shown.
+    """
 
     def __init__(self, config: PipelineConfig) -> None:
         self.config = config
@@ -106,6 +112,7 @@ class Pipeline:
         self._base_state = BaseStateEstimator(config.base_state, self.model)
         self._odometry = WheelOdometry(config.odometry, self.model)
         self._estimators = make_estimators(self.model, config.estimators)
+        self.bases = bases(self._estimators)
         self._controllers: dict[str, Controller] = {"model_based": ModelBasedController(self.model)}
         self._controllers |= make_policies(config.policies, self.model)
         self._filter = CommandFilter(config.limits)
@@ -143,6 +150,8 @@ class Pipeline:
         self._tick = 0
         self._estimates: dict[str, ForceEstimate] = {}
         self._applied = DEFAULT_COMMAND
+        self._asked: Command | None = None
+        self._clipped = DEFAULT_COMMAND
         self._limited = Fault.NONE
         self._starting = True
         self._controller_reset_due = True
@@ -185,7 +194,7 @@ class Pipeline:
             self._estimators[name].set_gains(*gains)
         self.estimator_name = name
         self._failures.forgive(Fault.ESTIMATOR_ERROR, name)
-        self._shown_slots = shown_slots(self.estimator_names, name)
+        self.shown_slots = shown_slots(self.estimator_names, name, self.bases)
 
     @property
     def estop_latched(self) -> bool:
@@ -208,7 +217,7 @@ class Pipeline:
 
         Args:
             sensor: newest sensor frame.
-            command: newest command as asked.
+            command: newest command as asked, which is not changed afterwards: it is checked once.
             command_age_s: time since the operator's side was last heard.
 
         Raises:
@@ -224,41 +233,45 @@ class Pipeline:
         )
         self._estimate(EstimatorInput(self._tick, self.model, sensor, base, self._applied.mask))
         estimate = self._estimates.get(self.estimator_name)
-        heading = rotation_heading_to_world(base.rotation_base_to_world)
-        odometry = self._odometry.step(heading)
-        hand = self._hand(base.height_m, heading, np.zeros(3) if estimate is None else estimate.force_estimated_n)
+        odometry = self._odometry.step(self.model.rotation_heading_to_world)
+        hand = self._hand(base.height_m, _NO_FORCE if estimate is None else estimate.force_estimated_n)
         if estimate is not None:  # no controller acts on a force that nobody has estimated
             if due(Job.REFERENCES, self._tick) or self._starting:
-                self._refer(self._safety.check_command(command, command_age_s), heading, hand)
+                self._refer(self._safety.check_command(command, command_age_s), hand)
             if due(Job.CONTROLLER, self._tick) or self._starting:
                 self._control(ControllerInput(sensor, base, self.model, self._applied, hand.force_estimated_n))
             self._starting = False
         failures = self._failures.at(self._tick)
-        reported = reduce(or_, failures, self._limited)
+        reported = reduce(or_, failures, self._limited) if failures else self._limited
         if estimate is None or estimate.stale:
             reported |= Fault.ESTIMATOR_STALE
         joint_command, safety = self._safety.step(sensor, base, reported)
         self._tick += 1
         return PipelineOutput(joint_command, self._applied, base, odometry, hand, self._estimates, safety, failures)
 
-    def _refer(self, command: Command, heading: np.ndarray, hand: HandState) -> None:
+    def _refer(self, command: Command, hand: HandState) -> None:
         if not self._safety.in_control:
             # References start from wherever the robot is when the controller gets hold of it.
             self._filter.reset()
             self._controller_reset_due = True
         limits = self.config.limits
         command = self._guidance.step(command, hand, CONTROL_PERIOD_S)
-        felt = hand.force_estimated_n
-        bearable = feasible_force_scale(felt, self.model, heading, limits.tip_over_margin_m)
-        if bearable < 1.0 and not command.guidance:
-            command = replace(command, base_velocity=command.base_velocity + relief_velocity(felt, bearable))
-        command = clip_command(command, limits)
+        bearable = feasible_force_scale(hand.force_estimated_n, self.model, limits.tip_over_margin_m)
+        relieved = bearable < 1.0 and not command.guidance
+        if relieved:
+            relief = relief_velocity(hand.force_estimated_n, bearable)
+            command = replace(command, base_velocity=command.base_velocity + relief)
+        if command is not self._asked:
+            self._asked, self._clipped = command, clip_command(command, limits)
+        command = self._clipped
         # A led hand asks for no force of its own: with less it would give way to the pull, not bear less of it.
-        asked = np.zeros(3) if command.guidance else command.mask * command.force_n
-        share = feasible_force_scale(asked, self.model, heading, limits.tip_over_margin_m)
+        asked = _NO_FORCE if command.guidance else command.mask * command.force_n
+        share = feasible_force_scale(asked, self.model, limits.tip_over_margin_m)
         # Where the drives damp, nothing of the command acts that could be limited.
-        self._limited = Fault.TIP_OVER_LIMIT if share < 1.0 and self._safety.in_control else Fault.NONE
-        self._applied = self._filter.step(replace(command, force_n=share * command.force_n), hand, CONTROL_PERIOD_S)
+        self._limited = Fault.TIP_OVER_LIMIT if (relieved or share < 1.0) and self._safety.in_control else Fault.NONE
+        if share < 1.0:
+            command = replace(command, force_n=share * command.force_n)
+        self._applied = self._filter.step(command, hand, CONTROL_PERIOD_S)
 
     def _control(self, inputs: ControllerInput) -> None:
         """New targets. Where the controller raises, the last ones grow old, which the safety gate answers."""
@@ -277,14 +290,45 @@ class Pipeline:
         for name, estimator in self._estimators.items():
             try:
                 estimator.observe(inputs)
-                if name == self.estimator_name or slot == self._shown_slots[name]:
+                if name == self.estimator_name or slot == self.shown_slots[name]:
                     self._estimates[name] = require_sound(estimator.estimate())
             except Exception as error:
                 self._failures.note(Fault.ESTIMATOR_ERROR, name, error, self._tick)
                 if name in self._estimates:
                     self._estimates[name] = replace(self._estimates[name], stale=True)
 
-    def _hand(self, base_height_m: float, heading: np.ndarray, force_estimated_n: np.ndarray) -> HandState:
-        position = self.model.end_effector_position @ heading
-        position[2] += base_height_m
-        return HandState(position, heading.T @ self.model.end_effector_rotation, force_estimated_n)
+    def _hand(self, base_height_m: float, force_estimated_n: np.ndarray) -> HandState:
+        model, position, rotation = self.model, np.empty(3), np.empty((3, 3))
+        hand, hand_rotation = model.end_effector_position, model.end_effector_rotation
+        _hand_in_heading(hand, hand_rotation, model.rotation_heading_to_world, base_height_m, position, rotation)
+        return HandState(position, rotation, force_estimated_n)
+
+
+@kernel("void(f8[::1], matrix, f8[:,::1], f8, f8[::1], f8[:,::1])")
+def _hand_in_heading(
+    hand: np.ndarray,
+    hand_rotation: np.ndarray,
+    heading: np.ndarray,
+    base_height_m: float,
+    position: np.ndarray,
+    rotation: np.ndarray,
+) -> None:
+    """Pose of the hand in heading, whose origin lies on the ground below the base: H^T x + h e_z, H^T R.
+
+    Args:
+        hand: (3,) m, x, world-aligned, from the base origin.
+        hand_rotation: (3, 3) R, hand to world.
+        heading: (3, 3) H, heading to world.
+        base_height_m: h.
+        position: (3,) m, the result, like
+        rotation: (3, 3) hand to heading.
+    """
+    position[0], position[1], position[2] = rotate_back(heading, hand)
+    position[2] += base_height_m
+    for axis in range(3):
+        column = rotate_back(heading, hand_rotation[:, axis])
+        rotation[0, axis], rotation[1, axis], rotation[2, axis] = column
+
+
+_NO_FORCE = np.zeros(3)
+_NO_FORCE.setflags(write=False)

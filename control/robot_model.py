@@ -11,9 +11,10 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-from control.frames import quaternion_from_rotation
+from control.frames import quaternion_from_rotation, rotation_heading_to_world
 from control.joints import (
     ARM_JOINT_NAMES,
+    ARM_SLICE,
     END_EFFECTOR_FRAME,
     JOINT_NAMES,
     LEGS,
@@ -22,6 +23,7 @@ from control.joints import (
     permutation,
 )
 from control.kernels.compiled import kernel
+from control.kernels.small_algebra import rotate
 from control.paths import ROBOT_MJCF
 from control.wheel_geometry import lowest_point_from_center
 
@@ -75,9 +77,10 @@ class RobotModel:
         self._position_rows = self.joint_rows + 1
 
         self.total_mass = float(pin.computeTotalMass(self._model))
-        self._arm_model = self._arm_only_model()
-        self._arm_data = self._arm_model.createData()
-        self.arm_mass = float(pin.computeTotalMass(self._arm_model))
+        arm = [self._model.getJointId(name) for name in ARM_JOINT_NAMES]
+        self._arm_masses = np.array([self._model.inertias[joint].mass for joint in arm])
+        self._arm_centers = np.array([self._model.inertias[joint].lever for joint in arm])
+        self.arm_mass = float(self._arm_masses.sum())
         self.position_lower = self._model.lowerPositionLimit[self._position_rows]
         self.position_upper = self._model.upperPositionLimit[self._position_rows]
         self.joint_damping = self._model.damping[self.joint_rows]
@@ -89,6 +92,9 @@ class RobotModel:
         self._joint_jacobian: np.ndarray = self._data.J
         self.imu_position_in_base = self._model.frames[self._frame_index(IMU_FRAME, mjcf)].placement.translation.copy()
         placements = [self._data.oMf[self._frame_index(name, mjcf)] for name in (*WHEEL_CENTER_FRAMES, END_EFFECTOR_FRAME)]
+        self._arm_rows = self.joint_rows[ARM_SLICE]
+        self._arm_rotations = tuple(self._data.oMi[joint].rotation for joint in arm)
+        self._arm_positions = tuple(self._data.oMi[joint].translation for joint in arm)
         self._frame_positions = tuple(placement.translation for placement in placements)
         self._end_effector_rotation: np.ndarray = placements[-1].rotation
         self._wheel_rows = self.joint_rows[[JOINT_NAMES.index(name) for name in WHEEL_JOINT_NAMES]]
@@ -97,7 +103,7 @@ class RobotModel:
         size = self._model.nv
         self._configuration = pin.neutral(self._model)
         self._configuration[3:] = math.nan  # unlike whatever comes first
-        self._rotation = np.eye(3)
+        self._rotation, self._heading = np.eye(3), np.eye(3)
         self.velocity = np.zeros(size)
         self.momentum = np.zeros(size)
         self.momentum_drift = np.zeros(size)
@@ -145,7 +151,8 @@ class RobotModel:
             rotation_base_to_world: (3, 3).
             joint_position: (22,) rad.
         """
-        if not configure(rotation_base_to_world, joint_position, self._position_rows, self._configuration, self._rotation):
+        rows, configuration = self._position_rows, self._configuration
+        if not configure(rotation_base_to_world, joint_position, rows, configuration, self._rotation, self._heading):
             return
         pin.computeJointJacobians(self._model, self._data, self._configuration)
         pin.updateFramePlacements(self._model, self._data)
@@ -155,6 +162,11 @@ class RobotModel:
     def rotation_base_to_world(self) -> np.ndarray:
         """(3, 3) of the last update."""
         return self._rotation
+
+    @property
+    def rotation_heading_to_world(self) -> np.ndarray:
+        """(3, 3) of the last update."""
+        return self._heading
 
     @property
     def end_effector_position(self) -> np.ndarray:
@@ -191,13 +203,21 @@ class RobotModel:
     @property
     def center_of_mass(self) -> np.ndarray:
         """(3,) m, world-aligned, from the base origin; needs `update`."""
-        # The mass matrix couples base translation and rotation through -m skew(c), c in base.
-        m = self.mass_matrix
-        return self._rotation @ (np.array([m[1, 5], m[2, 3], m[0, 4]]) / self.total_mass)
+        return mass_center(self.mass_matrix, self._rotation, self.total_mass)
 
     def arm_gravity(self) -> np.ndarray:
         """(28,) the part of g that the arm's links cause, computed at each call."""
-        return pin.computeGeneralizedGravity(self._arm_model, self._arm_data, self._configuration)
+        gravity = np.zeros(len(self.velocity))
+        links_gravity(
+            self._arm_rotations,
+            self._arm_positions,
+            self._arm_masses,
+            self._arm_centers,
+            self._joint_jacobian,
+            self._arm_rows,
+            gravity,
+        )
+        return gravity
 
     def _refresh_geometry(self) -> None:
         if not self._geometry_fresh:
@@ -218,15 +238,6 @@ class RobotModel:
             raise RobotModelError(f"{mjcf}: frame {name!r} is missing; add a site of that name")
         return matches[-1]
 
-    def _arm_only_model(self) -> pin.Model:
-        """The same joints, with mass only where the first arm joint carries it."""
-        model = pin.Model(self._model)
-        arm = set(model.subtrees[model.getJointId(ARM_JOINT_NAMES[0])])
-        for joint in range(model.njoints):
-            if joint not in arm:
-                model.inertias[joint] = pin.Inertia.Zero()
-        return model
-
     def _support_masks(self) -> np.ndarray:
         """(5, 28): whether a generalized velocity moves wheel FL, FR, RL, RR or the end effector."""
         mask = np.zeros((len(LEGS) + 1, self._model.nv), dtype=bool)
@@ -238,13 +249,25 @@ class RobotModel:
         return mask
 
 
-@kernel("b1(matrix, vector, i8[::1], f8[::1], f8[:,::1])")
+@kernel("f8[::1](f8[::1,:], f8[:,::1], f8)")
+def mass_center(mass_matrix: np.ndarray, rotation_base_to_world: np.ndarray, total_mass: float) -> np.ndarray:
+    """Centre of mass c (3,), m, world-aligned, from the base origin.
+
+    The mass matrix (28, 28) couples base translation and rotation through -m skew(c), c in base.
+    """
+    m = mass_matrix
+    in_base = np.array([m[1, 5] / total_mass, m[2, 3] / total_mass, m[0, 4] / total_mass])
+    return np.array(rotate(rotation_base_to_world, in_base))
+
+
+@kernel("b1(matrix, vector, i8[::1], f8[::1], f8[:,::1], f8[:,::1])")
 def configure(
     rotation_base_to_world: np.ndarray,
     joint_position: np.ndarray,
     position_rows: np.ndarray,
     configuration: np.ndarray,
     rotation: np.ndarray,
+    heading: np.ndarray,
 ) -> bool:
     """Write attitude and joints into Pinocchio's configuration; whether that changed it.
 
@@ -254,6 +277,7 @@ def configure(
         position_rows: (22,) row of each joint in the configuration.
         configuration: (29,) base position (3), base orientation xyzw (4), joints in tree order.
         rotation: (3, 3) becomes the first argument.
+        heading: (3, 3) becomes the heading frame's rotation to the world.
     """
     w, x, y, z = quaternion_from_rotation(rotation_base_to_world)
     changed = False
@@ -264,7 +288,9 @@ def configure(
         row = position_rows[joint]
         changed |= configuration[row] != joint_position[joint]
         configuration[row] = joint_position[joint]
-    rotation[:] = rotation_base_to_world
+    if changed:
+        rotation[:] = rotation_base_to_world
+        heading[:] = rotation_heading_to_world(rotation_base_to_world)
     return changed
 
 
@@ -312,6 +338,36 @@ def momentum_terms(
         for axis in range(3):
             gravity[i] += mass_matrix[i, axis] * (GRAVITY_MPS2 * rotation_base_to_world[2, axis])
         momentum_drift[i] = drift - gravity[i]
+
+
+@kernel("void(UniTuple(f8[::1,:], 6), UniTuple(f8[::1], 6), f8[::1], f8[:,::1], f8[::1,:], i8[::1], f8[::1])")
+def links_gravity(
+    rotations: tuple[np.ndarray, ...],
+    positions: tuple[np.ndarray, ...],
+    masses: np.ndarray,
+    centers: np.ndarray,
+    joint_jacobian: np.ndarray,
+    rows: np.ndarray,
+    gravity: np.ndarray,
+) -> None:
+    """What the weights of the links of a chain at the base do to base and chain: g = sum_i -J_i^T m_i (0, 0, -9.81).
+
+    Args:
+        rotations, positions: (3, 3) and (3,) m, of each link's joint to world.
+        masses: (6,) kg.
+        centers: (6, 3) m, centre of mass of each link in its joint's frame.
+        joint_jacobian: (6, 28) of every joint's own frame at the world's origin, linear then angular.
+        rows: (6,) generalized row of each joint, the base's side first.
+        gravity: (28,) the result; rows of other joints are left alone.
+    """
+    for link in range(len(rotations)):
+        x, y, _ = rotate(rotations[link], centers[link])
+        x, y = x + positions[link][0], y + positions[link][1]
+        weight = GRAVITY_MPS2 * masses[link]
+        for k in range(6 + link + 1):
+            row = k if k < 6 else rows[k - 6]
+            upward = joint_jacobian[2, row] + joint_jacobian[3, row] * y - joint_jacobian[4, row] * x
+            gravity[row] += weight * upward
 
 
 @kernel("void(f8[::1,:], UniTuple(f8[::1], 5), i8[::1], b1[:,::1], f8[:,::1], f8[:,::1])")

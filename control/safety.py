@@ -21,6 +21,9 @@ from control.joints import (
     TORQUE_LIMIT,
     WHEEL_SLICE,
 )
+from control.kernels.compiled import kernel
+from control.kernels.records import packed, record
+from control.kernels.small_algebra import clip
 from control.robot_model import RobotModel
 from control.timing import TICK_S
 from control.types import BaseState, Command, JointCommand, SensorFrame
@@ -78,6 +81,98 @@ class SafetyStatus:
     estop: bool
 
 
+JOINT_LIMITS = record(lower=22, upper=22, velocity=22, slew=22, margin=())
+"""Of the joints: position limits (rad), the speed beyond which a joint may only be braked (rad/s), the largest change of a
+target in a tick, and the distance from a position limit over which the torque towards it fades (rad)."""
+
+_GAIN = np.where(STIFFNESS > 0.0, STIFFNESS, DAMPING)
+"""Torque per unit of target: of the wheels' targets, which are velocities, the damping."""
+
+
+@kernel("Tuple((b1, f8))(vector, vector, Limits[::1])", Limits=JOINT_LIMITS)
+def _inspect(joint_position: np.ndarray, joint_velocity: np.ndarray, limits: np.ndarray) -> tuple[bool, float]:
+    """Whether position (22,) and velocity (22,) are finite, and how far the worst joint is beyond its limit, rad."""
+    k = limits[0]
+    squares, beyond = 0.0, -math.inf
+    for joint in range(len(joint_position)):
+        q, dq = joint_position[joint], joint_velocity[joint]
+        squares += q * q + dq * dq
+        excess = max(k.lower[joint] - q, q - k.upper[joint])
+        if excess > beyond:  # NaN is not
+            beyond = excess
+    return math.isfinite(squares), beyond
+
+
+@kernel("UniTuple(f8, 2)(Limits, i8, f8, f8)", Limits=JOINT_LIMITS)
+def _torque_bounds(limits: np.record, joint: int, position: float, velocity: float) -> tuple[float, float]:
+    """Lowest and highest torque, N m, that a joint may be given where it is: +-tau_max, but
+
+    towards a limit q_end within the margin m at most tau_max (q_end - q) / m, and a joint that is too fast is only braked.
+    """
+    highest = TORQUE_LIMIT[joint]
+    lower, upper = -highest, highest
+    stiffness = highest / limits.margin
+    if position > limits.upper[joint] - limits.margin:
+        upper = clip(stiffness * (limits.upper[joint] - position), 0.0, highest)
+    if position < limits.lower[joint] + limits.margin:
+        lower = clip(stiffness * (limits.lower[joint] - position), -highest, 0.0)
+    if abs(velocity) > limits.velocity[joint]:
+        if velocity > 0.0:
+            upper = 0.0
+        else:
+            lower = 0.0
+    return lower, upper
+
+
+@kernel("UniTuple(b1, 2)(vector, f8[::1], f8, vector, vector, Limits[::1], f8[::1], f8[::1], f8[::1])", Limits=JOINT_LIMITS)
+def _limit(
+    targets: np.ndarray,
+    blend_from: np.ndarray,
+    weight: float,
+    joint_position: np.ndarray,
+    joint_velocity: np.ndarray,
+    limits: np.ndarray,
+    applied: np.ndarray,
+    position: np.ndarray,
+    velocity: np.ndarray,
+) -> tuple[bool, bool]:
+    """Blend, slew, and move the targets to where the predicted torque is within bounds.
+
+    Predicted is tau = g target - K_p q - K_d dq, with g of _GAIN.
+
+    Args:
+        targets: (22,) of the controller.
+        blend_from: (22,) targets that the blend starts from.
+        weight: 0 to 1, of the controller's.
+        joint_position, joint_velocity: (22,) measured.
+        limits: JOINT_LIMITS (1,).
+        applied: (22,) targets of the last tick, become this one's, before the torque is looked at.
+        position, velocity: (22,) of the drives' command, the results: of the wheels the velocity, of all others the position.
+
+    Returns:
+        Whether a target was moved because of the torque limit, and because of a position or velocity limit.
+    """
+    k = limits[0]
+    saturated, held_back = False, False
+    for joint in range(len(targets)):
+        target = targets[joint] if weight >= 1.0 else blend_from[joint] + weight * (targets[joint] - blend_from[joint])
+        target = clip(target, applied[joint] - k.slew[joint], applied[joint] + k.slew[joint])
+        applied[joint] = target
+        q, dq = joint_position[joint], joint_velocity[joint]
+        offset = STIFFNESS[joint] * q + DAMPING[joint] * dq
+        torque = _GAIN[joint] * target - offset
+        lower, upper = _torque_bounds(k, joint, q, dq)
+        limited = clip(torque, lower, upper)
+        if limited != torque:
+            target = (limited + offset) / _GAIN[joint]
+            at_limit = abs(limited) >= TORQUE_LIMIT[joint]
+            saturated |= at_limit
+            held_back |= not at_limit
+        is_wheel = STIFFNESS[joint] == 0.0
+        position[joint], velocity[joint] = (0.0, target) if is_wheel else (target, 0.0)
+    return saturated, held_back
+
+
 class TargetsError(ValueError):
     """Targets that are not (22,) numbers: a programming error, not a fault of the robot."""
 
@@ -91,15 +186,14 @@ class SafetyGate:
 
     def __init__(self, config: SafetyConfig, model: RobotModel) -> None:
         self.config = config
-        self._lower = model.position_lower
-        self._upper = model.position_upper
-        self._comfort_lower = model.position_lower + config.position_margin_rad
-        self._comfort_upper = model.position_upper - config.position_margin_rad
-        self._barrier = TORQUE_LIMIT / config.position_margin_rad
-        self._velocity_limit = _per_joint(config.leg_velocity_rps, config.wheel_velocity_rps, config.arm_velocity_rps)
-        self._slew = TICK_S * _per_joint(config.leg_slew_rps, config.wheel_slew_rps2, config.arm_slew_rps)
-        self._is_wheel = _per_joint(0.0, 1.0, 0.0)
-        self._gain = STIFFNESS + self._is_wheel * DAMPING
+        self._limits = packed(
+            JOINT_LIMITS,
+            lower=model.position_lower,
+            upper=model.position_upper,
+            velocity=_per_joint(config.leg_velocity_rps, config.wheel_velocity_rps, config.arm_velocity_rps),
+            slew=TICK_S * _per_joint(config.leg_slew_rps, config.wheel_slew_rps2, config.arm_slew_rps),
+            margin=config.position_margin_rad,
+        )
         self._damping_command = _frozen_damping(config)
         self.reset()
 
@@ -133,6 +227,7 @@ class SafetyGate:
         self.in_control = False
         self._handover_due = False
         self._starting = False
+        self._blend_from = np.zeros(JOINT_COUNT)
         self._blend_start_s = 0.0
         self._blend_s = 0.0
 
@@ -173,9 +268,12 @@ class SafetyGate:
             reported: faults found elsewhere, passed on.
         """
         config = self.config
-        faults = reported | self._refused | (Fault.STALE_SETPOINT if self._setpoint_stale else Fault.NONE)
-        q, dq = sensor.joint_position, sensor.joint_velocity
-
+        faults = reported
+        if self._refused:
+            faults |= self._refused
+        if self._setpoint_stale:
+            faults |= Fault.STALE_SETPOINT
+        finite, beyond = _inspect(sensor.joint_position, sensor.joint_velocity, self._limits)
         damp = self._estop
         # NaN fails every comparison, so "not below" also catches it.
         upright = base.rotation_base_to_world[2, 2]
@@ -185,79 +283,56 @@ class SafetyGate:
         if self._tilted:
             faults |= Fault.TILT
             damp = True
-        if not math.isfinite(q.dot(q) + dq.dot(dq)):
+        if not finite:
             faults |= Fault.NOT_FINITE
             damp = True
         age = sensor.time_s - self._targets_time_s
         if age > config.hold_timeout_s:
             faults |= Fault.STALE_TARGETS
             damp |= age > config.damp_timeout_s
-        near_end = ((q < self._comfort_lower) | (q > self._comfort_upper)).any()
-        if near_end and np.maximum(self._lower - q, q - self._upper).max() > config.overtravel_rad:
+        if beyond > config.overtravel_rad:
             faults |= Fault.JOINT_LIMIT
             damp = True
         if damp or self._targets is None:
             self._applied = None
             self.in_control = False
             return self._damping_command, SafetyStatus(faults, True, self._estop)
-        bounds = self._torque_bounds(q, dq, bool(near_end))
-        command, limited = self._limit(self._targets, bounds, sensor)
-        return command, SafetyStatus(faults | limited, False, False)
+        position, velocity = np.empty(JOINT_COUNT), np.empty(JOINT_COUNT)
+        saturated, held_back = self._limited(self._targets, sensor, position, velocity)
+        if saturated:
+            faults |= Fault.TORQUE_LIMIT
+        if held_back:
+            faults |= Fault.JOINT_LIMIT
+        command = JointCommand(position, velocity, STIFFNESS, DAMPING, _NO_TORQUE)
+        return command, SafetyStatus(faults, False, False)
 
-    def _torque_bounds(self, q: np.ndarray, dq: np.ndarray, near_end: bool) -> tuple[np.ndarray, np.ndarray]:
-        """Lowest and highest torque (22,) that each joint may be given where it is."""
-        lower, upper = -TORQUE_LIMIT, TORQUE_LIMIT
-        if near_end:
-            upper = np.minimum(np.maximum(self._barrier * (self._upper - q), 0.0), upper)
-            lower = np.maximum(np.minimum(self._barrier * (self._lower - q), 0.0), lower)
-        speeding = np.abs(dq) > self._velocity_limit
-        if speeding.any():
-            upper = np.where(speeding & (dq > 0.0), 0.0, upper)
-            lower = np.where(speeding & (dq < 0.0), 0.0, lower)
-        return lower, upper
-
-    def _limit(
-        self, targets: np.ndarray, bounds: tuple[np.ndarray, np.ndarray], sensor: SensorFrame
-    ) -> tuple[JointCommand, Fault]:
-        """Blend, slew, and move the targets to where the predicted torque is within bounds."""
-        last = self._start(sensor) if self._applied is None else self._applied
+    def _limited(
+        self, targets: np.ndarray, sensor: SensorFrame, position: np.ndarray, velocity: np.ndarray
+    ) -> tuple[bool, bool]:
+        """See `_limit`."""
+        if self._applied is None:
+            self._applied = self._start(sensor)
         if self._handover_due:
             self._handover_due = False
-            self._blend_from, self._blend_start_s, self._blend_s = last, sensor.time_s, self.config.handover_s
+            self._blend_from = self._applied.copy()
+            self._blend_start_s, self._blend_s = sensor.time_s, self.config.handover_s
         progress = (sensor.time_s - self._blend_start_s) / self._blend_s
         self._starting &= progress < 1.0
         self.in_control = not self._starting
-        if progress < 1.0:
-            weight = progress**3 * (10.0 + progress * (6.0 * progress - 15.0))
-            targets = self._blend_from + weight * (targets - self._blend_from)
-        target = np.minimum(np.maximum(targets, last - self._slew), last + self._slew)
-        self._applied = target
-
-        # Predicted torque = gain * target - offset, with one gain per joint: stiffness, or the wheels' damping.
-        offset = STIFFNESS * sensor.joint_position + DAMPING * sensor.joint_velocity
-        torque = self._gain * target - offset
-        limited = np.minimum(np.maximum(torque, bounds[0]), bounds[1])
-        changed = limited != torque
-        faults = Fault.NONE
-        if changed.any():
-            target = np.where(changed, (limited + offset) / self._gain, target)
-            saturated = np.abs(limited) >= TORQUE_LIMIT
-            faults = Fault.TORQUE_LIMIT if saturated.any() else Fault.NONE
-            if (changed & ~saturated).any():
-                faults |= Fault.JOINT_LIMIT
-        velocity = self._is_wheel * target
-        return JointCommand(target - velocity, velocity, STIFFNESS, DAMPING, _NO_TORQUE), faults
+        weight = progress**3 * (10.0 + progress * (6.0 * progress - 15.0)) if progress < 1.0 else 1.0
+        q, dq = sensor.joint_position, sensor.joint_velocity
+        return _limit(targets, self._blend_from, weight, q, dq, self._limits, self._applied, position, velocity)
 
     def _start(self, sensor: SensorFrame) -> np.ndarray:
         """Begin the blend at the targets (22,) that cause the torque of this moment, so that nothing jumps."""
         q = sensor.joint_position
-        self._blend_from = (STIFFNESS * q + DAMPING * sensor.joint_velocity + sensor.joint_torque) / self._gain
+        self._blend_from = (STIFFNESS * q + DAMPING * sensor.joint_velocity + sensor.joint_torque) / _GAIN
         distance = np.abs(q[LEG_SLICE] - NOMINAL_POSITION[LEG_SLICE]).max()
         self._starting = True
         self._handover_due = False
         self._blend_start_s = sensor.time_s
         self._blend_s = self.config.start_blend_s if distance < self.config.standing_rad else self.config.stand_up_s
-        return self._blend_from
+        return self._blend_from.copy()
 
 
 _NO_TORQUE = np.zeros(JOINT_COUNT)

@@ -5,7 +5,7 @@ is k modulo SLOT_COUNT. A job that takes a large part of a tick has a slot to it
 others; cheap jobs share.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from enum import Enum, auto
 
 TICK_S = 0.002
@@ -41,16 +41,17 @@ class Job(Enum):
 TIMETABLE: tuple[tuple[Job, ...], ...] = (
     (Job.CONTROLLER,),
     (Job.SHOWN_ESTIMATE,),
-    (Job.SHOWN_ESTIMATE,),
-    (Job.SHOWN_ESTIMATE,),
     (Job.SHOWN_ESTIMATE, Job.SNAPSHOT, Job.LIVE_ERRORS),
+    (Job.SHOWN_ESTIMATE,),
+    (Job.SHOWN_ESTIMATE,),
     (Job.ADAPTATION,),
     (Job.SHOWN_ESTIMATE,),
-    (Job.SHOWN_ESTIMATE,),
+    (Job.SHOWN_ESTIMATE, Job.SNAPSHOT),
     (Job.NETWORK_STEP,),
-    (Job.REFERENCES, Job.SNAPSHOT),
+    (Job.REFERENCES,),
 )
-"""The jobs of each slot."""
+"""The jobs of each slot. Where snapshots are filled none of the default estimators is shown: gmo_cqp is shown with
+hybrid_paper, and hybrid is selected."""
 
 CHEAP_JOBS = frozenset({Job.SNAPSHOT, Job.LIVE_ERRORS})
 """Jobs that may share a slot. All others have one to themselves."""
@@ -69,11 +70,17 @@ MOST_ESTIMATORS = len(slots(Job.SHOWN_ESTIMATE)) + 1
 """One feeds the controller at every tick, the others are shown."""
 
 
-def shown_slots(names: Sequence[str], selected: str) -> dict[str, int]:
+def shown_slots(names: Sequence[str], selected: str, bases: Mapping[str, str] | None = None) -> dict[str, int]:
     """Slot in which each of the estimators `names` is shown, but for the one that is `selected` to feed the controller.
 
     Each of the first has a slot of its own. One more takes over that of the selected estimator, which estimates at every tick
-    and steps its network in the slot of NETWORK_STEP.
+    and steps its network in the slot of NETWORK_STEP. An estimator from whose estimate another one makes its own is shown
+    with that one, which needs it then anyway.
+
+    Args:
+        names: of all estimators.
+        selected: one of them.
+        bases: the estimator from whose estimate another one makes its own, by the name of the other one.
 
     Raises:
         TimetableError: two estimators would share a slot.
@@ -85,6 +92,9 @@ def shown_slots(names: Sequence[str], selected: str) -> dict[str, int]:
     freed = shown.pop(selected, None)
     if len(names) > len(own) and freed is not None:
         shown[names[-1]] = freed
+    for name, base in (bases or {}).items():
+        if name in shown and base in shown:
+            shown[base] = shown[name]
     return shown
 
 

@@ -7,15 +7,17 @@ from typing import Any
 
 import numpy as np
 
+from control.files import replacing, write_whole
+
 
 def save_weights(directory: Path, name: str, content: dict[str, Any], arrays: dict[str, np.ndarray]) -> Path:
     """Write NAME.npz in single precision and NAME.json with `content` and the hash into `directory`; the manifest's path."""
-    directory.mkdir(parents=True, exist_ok=True)
     weights = directory / f"{name}.npz"
     single = {key: array.astype(np.float32) for key, array in arrays.items()}
-    np.savez_compressed(weights, allow_pickle=False, **single)
+    with replacing(weights) as partial:
+        np.savez_compressed(partial, allow_pickle=False, **single)
     path = directory / f"{name}.json"
-    path.write_text(json.dumps({**content, "sha256": sha256(weights)}, indent=1) + "\n")
+    write_whole(path, json.dumps({**content, "sha256": sha256(weights)}, indent=1) + "\n")
     return path
 
 

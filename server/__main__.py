@@ -1,98 +1,23 @@
 """`forcelens`, or `python -m server`: start the console and print where it is. `forcelens emulate` runs an emulated robot."""
 
-import argparse
-import os
 import sys
-from pathlib import Path
-from typing import TextIO
+
+from sim.processes.standard_streams import protect_standard_streams
+from sim.processes.starting import Starting
 
 
-def parser() -> argparse.ArgumentParser:
-    """Arguments of the command."""
-    arguments = argparse.ArgumentParser(
-        prog="forcelens",
-        description="Console of a robot that feels force without a sensor.",
-        epilog="forcelens emulate --help: an emulated robot for the hardware backend.",
-    )
-    arguments.add_argument("--host", default="127.0.0.1", help="address to bind (default 127.0.0.1); others need a token")
-    arguments.add_argument("--port", type=int, default=8080, help="TCP port (default 8080); 0 takes a free one")
-    token = arguments.add_mutually_exclusive_group()
-    token.add_argument("--token-file", type=Path, help="file with the token that every request needs; default: FORCELENS_TOKEN")
-    token.add_argument("--token", help="the token itself; every user of this machine can read it here (ps)")
-    arguments.add_argument("--scene", default="free", help="scene to start in (default free)")
-    arguments.add_argument("--controller", default="policy", help="controller to start with (default policy)")
-    arguments.add_argument("--estimator", default="hybrid", help="force estimator to start with (default hybrid)")
-    arguments.add_argument("--seed", type=int, default=0, help="of the sensors' errors (default 0)")
-    arguments.add_argument("--no-browser", action="store_true", help="do not open the page")
-    robot = arguments.add_argument_group("robot", "what the hardware backend drives once it is chosen in the page or by REST")
-    robot.add_argument("--domain", type=int, default=1, help="DDS domain of the base (default 1; a real robot's is 0)")
-    robot.add_argument("--interface", default="lo", help="network interface that leads to the base (default lo)")
-    robot.add_argument("--arm-host", default="127.0.0.1", help="address of the arm's z1_ctrl (default 127.0.0.1)")
-    robot.add_argument("--arm-port", type=int, default=8071, help="UDP port on which z1_ctrl listens; it answers on the next")
-    robot.add_argument("--allow-robot", action="store_true", help="permit domain 0, another interface than lo, a remote arm")
-    return arguments
-
-
-def main() -> None:
-    """Run the command; exit status 2 with one line on stderr when it cannot start."""
+def main() -> int:
+    """Run the command; returns the exit status. What takes long to import is imported once Ctrl-C is taken care of."""
     if sys.argv[1:2] == ["emulate"]:
         from sim.emulator.__main__ import main as emulate
 
-        sys.exit(emulate(sys.argv[2:]))
-    arguments = parser().parse_args()
-    # The spawned control process imports this module too and needs nothing below.
-    from server.compile_all import compile_all
+        return emulate(sys.argv[2:])
+    starting = Starting("Forcelens has stopped")
+    protect_standard_streams()
+    from server.command_line import run
 
-    compile_all(_tell_compiled)
-    from control.pipeline import PipelineConfig
-    from server.backend_choice import with_options
-    from server.config import ConfigError, ServerConfig
-    from server.errors import ServerError
-    from server.runner import PortInUseError, serve
-    from sim.backends.hardware.config import HardwareConfig
-    from sim.runtime.simulation import SimulationConfig
-
-    try:
-        config = ServerConfig(
-            host=arguments.host,
-            port=arguments.port,
-            token=_token(arguments),
-            open_browser=not arguments.no_browser,
-            session=SimulationConfig(
-                scene=arguments.scene,
-                seed=arguments.seed,
-                pipeline=PipelineConfig(controller=arguments.controller, estimator=arguments.estimator),
-            ),
-            hardware=with_options(
-                HardwareConfig(),
-                {name: getattr(arguments, name) for name in ("domain", "interface", "arm_host", "arm_port", "allow_robot")},
-            ),
-        )
-        serve(config, lambda address: _say(sys.stdout, f"Forcelens is at {address}"))
-    except (ConfigError, PortInUseError, ServerError) as error:
-        _say(sys.stderr, f"forcelens: {error}")
-        sys.exit(2)
-    except KeyboardInterrupt:
-        _say(sys.stdout, "Forcelens has stopped")
-
-
-def _token(arguments: argparse.Namespace) -> str | None:
-    from server.config import token_of_file
-
-    if arguments.token_file is not None:
-        return token_of_file(arguments.token_file)
-    # An empty variable is one that is not set; an empty argument is a mistake that would leave the door open.
-    return arguments.token if arguments.token is not None else os.environ.get("FORCELENS_TOKEN") or None
-
-
-def _tell_compiled(done: int, count: int, _module: str) -> None:
-    _say(sys.stderr, f"Compiling the control laws, once: {done} of {count}")
-
-
-def _say(stream: TextIO, text: str) -> None:
-    stream.write(text + "\n")
-    stream.flush()
+    return run(sys.argv[1:], starting)
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -23,6 +23,11 @@ from server.page_entry import is_page_load, page_without_secret, shown_in_addres
 LOOPBACK_NAMES = frozenset({"localhost", "127.0.0.1", "::1"})
 SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
 
+FOREIGN_PAGE = (
+    "requests from pages of {origin} are refused, for this server was asked as {host!r}; use its own page. A proxy must pass "
+    "the Host and WebSockets on, nginx with: proxy_set_header Host $http_host; "
+    'proxy_http_version 1.1; proxy_set_header Upgrade $http_upgrade; proxy_set_header Connection "upgrade";'
+)
 TOKEN_REQUIRED = (
     "a token is required: open the address that Forcelens printed when it started (it ends with ?token=TOKEN), "
     "or send 'Authorization: Bearer TOKEN'"
@@ -81,7 +86,7 @@ class AccessControl:
         if scope["type"] == "http" and scope["method"] in SAFE_METHODS:
             return None
         foreign = next((origin for origin in headers.getlist("origin") if not same_origin(origin, host)), None)
-        return None if foreign is None else f"requests from pages of {foreign} are refused; use the page of this server"
+        return None if foreign is None else FOREIGN_PAGE.format(origin=foreign, host=host)
 
     async def _with_credentials(self, credentials: Credentials, scope: Scope, receive: Receive, send: Send) -> None:
         in_address = shown_in_address(scope)

@@ -12,6 +12,7 @@ from fastapi.staticfiles import StaticFiles
 
 from server import stream, viser_relay
 from server.access import AccessControl
+from server.admission import Admission
 from server.body_limit import BodyLimit
 from server.build_info import build_info
 from server.credentials import Credentials
@@ -65,6 +66,7 @@ def create_app(operator: Operator, *, scene: ViserDoor, credentials: Credentials
     app.add_api_route("/docs", lambda: HTMLResponse(docs_page(app.openapi())), include_in_schema=False)
     app.mount("/static", StaticFiles(directory=STATIC), name="static")
     app.add_middleware(BodyLimit)
+    app.add_middleware(Admission)
     app.add_middleware(AccessControl, credentials=credentials)
     app.add_middleware(SecurityHeaders)
     app.add_middleware(HeadAsGet)

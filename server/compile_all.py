@@ -5,15 +5,17 @@ Whoever imports a kernel compiles it if nobody has, one after the other. The con
 
 import ast
 import hashlib
-import importlib
-import multiprocessing
 import os
 import shutil
+import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from contextlib import ExitStack
 from graphlib import TopologicalSorter
 from pathlib import Path
+from queue import SimpleQueue
 
 from numba.core import config
 
@@ -24,8 +26,19 @@ PACKAGES = ("control", "sim")
 KEPT_S = 30 * 24 * 3600.0
 """Machine code that nothing has loaded for so long is removed."""
 
+_WORKER = """import importlib, sys
+sys.path[:] = sys.argv[1:]
+for line in sys.stdin:
+    importlib.import_module(line.strip())
+    sys.stdout.write("done\\n")
+    sys.stdout.flush()
+"""
 _MARK = "\n@kernel("
 _COMPLETE = "complete-"
+
+
+class CompilationError(RuntimeError):
+    """A kernel cannot be compiled; the message names its file's module."""
 
 
 def compile_all(
@@ -43,7 +56,7 @@ def compile_all(
         skip: packages among them that are left to compile when they are imported.
 
     Raises:
-        Exception: whatever a kernel's compilation raises.
+        CompilationError: a kernel cannot be compiled.
     """
     cache = compiled.CACHE
     if cache is None or config.DISABLE_JIT:
@@ -62,11 +75,14 @@ def compile_all(
     order.prepare()
     running: dict[Future[None], str] = {}
     workers = min(4, max(2, os.cpu_count() or 1))
-    with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as pool:
+    with ThreadPoolExecutor(workers) as pool, ExitStack() as stack:
+        idle: SimpleQueue[_Worker] = SimpleQueue()
+        for _ in range(workers):
+            idle.put(stack.enter_context(_Worker()))
         while order.is_active():
             # A kernel's callees come first: two processes that need one would both compile it.
             for name in order.get_ready():
-                running[pool.submit(_import, name)] = name
+                running[pool.submit(_compile, idle, name)] = name
             for future in wait(running, return_when=FIRST_COMPLETED).done:
                 future.result()
                 name = running.pop(future)
@@ -77,8 +93,40 @@ def compile_all(
     complete.touch()
 
 
-def _import(name: str) -> None:
-    importlib.import_module(name)
+class _Worker:
+    """A process that imports; it ends with its context, or when this process does.
+
+    None of a pool's: those outlive a parent that ends in a hurry, and leave semaphores behind.
+    """
+
+    def __enter__(self) -> "_Worker":
+        self._process = subprocess.Popen(
+            [sys.executable, "-c", _WORKER, *sys.path],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+            start_new_session=True,  # Ctrl-C is not for it
+        )
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._process.kill()
+        self._process.communicate()
+
+    def compile(self, name: str) -> None:
+        assert self._process.stdin is not None and self._process.stdout is not None
+        self._process.stdin.write(f"{name}\n")
+        self._process.stdin.flush()
+        if not self._process.stdout.readline():
+            raise CompilationError(f"the kernels of {name} cannot be compiled; its traceback is above")
+
+
+def _compile(idle: "SimpleQueue[_Worker]", name: str) -> None:
+    worker = idle.get()
+    try:
+        worker.compile(name)
+    finally:
+        idle.put(worker)
 
 
 def _version(files: list[Path]) -> str:

@@ -19,6 +19,7 @@ from server.event_channel import EventChannel, dead
 from server.setpoint import default_setpoint
 from sim.processes import shared_record
 from sim.processes.shared_record import SharedRecord
+from sim.processes.starting import deaf_children
 from sim.runtime.snapshot import SETPOINT, SNAPSHOT
 
 START_TIMEOUT_S = 60.0
@@ -44,9 +45,9 @@ class ControlClient:
         self._launch = launch
         self._context = multiprocessing.get_context("spawn")
         self._memories = (
-            shared_record.allocate(self._context, SNAPSHOT),
-            shared_record.allocate(self._context, SETPOINT),
-            estop_lane.allocate(self._context),
+            shared_record.allocate(SNAPSHOT),
+            shared_record.allocate(SETPOINT),
+            estop_lane.allocate(),
         )
         self._state = SharedRecord(self._memories[0], SNAPSHOT)
         self._setpoints = SharedRecord(self._memories[1], SETPOINT)
@@ -99,7 +100,8 @@ class ControlClient:
         self._process = self._context.Process(
             target=control_process, args=(self._launch, *self._memories, theirs), name="forcelens-control", daemon=True
         )
-        self._process.start()
+        with deaf_children():
+            self._process.start()
         theirs.close()  # so that the child's end is the only one and its death ends the channel
         self._channel = EventChannel(self._process, ours)
 

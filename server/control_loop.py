@@ -177,6 +177,7 @@ class ControlLoop:
         record["loop_rate_hz"] = statistics.rate_hz
         record["real_time_factor"] = statistics.real_time_factor
         record["overruns"] = statistics.overruns
+        record["overruns_last_minute"] = statistics.overruns_last_minute
         record["overrun_share"] = statistics.overrun_share
         record["rebases"] = statistics.rebases
         record["held_s"] = statistics.held_s

@@ -21,6 +21,7 @@ from server.session_events import describe
 from sim.backends.protocol import Backend, BackendError
 from sim.processes.realtime import request_realtime
 from sim.processes.shared_record import SharedRecord
+from sim.processes.standard_streams import protect_standard_streams
 from sim.runtime.session import Session
 from sim.runtime.simulation import Simulation, SimulationConfig
 from sim.runtime.snapshot import SETPOINT, SNAPSHOT
@@ -52,6 +53,8 @@ def control_process(
 ) -> None:
     """Run until closed. Errors that end it go through the pipe before it dies with them."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})  # or the I/O process would never hear it
+    protect_standard_streams()
     logging.basicConfig(level=logging.INFO, format="control process: %(levelname)s: %(message)s")
     try:
         session = _make_session(launch, pipe)

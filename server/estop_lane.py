@@ -6,17 +6,18 @@ process ran, or while it hung, waits for it or for the next one.
 """
 
 import threading
-from multiprocessing.context import SpawnContext
 from typing import Any
 
 import numpy as np
 
+from sim.processes.anonymous_memory import AnonymousMemory
+
 _ASKED, _TAKEN = 0, 1
 
 
-def allocate(context: SpawnContext) -> Any:
+def allocate() -> AnonymousMemory:
     """Zeroed memory for one lane, to be given to `EstopLane` here and, as a process argument, in a spawned child."""
-    return context.RawArray("Q", 2)
+    return AnonymousMemory(2 * np.uint64().itemsize)
 
 
 class EstopLane:

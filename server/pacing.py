@@ -18,6 +18,7 @@ LATENESS_WINDOW = 2500
 """Ticks whose lateness and duration are kept: 5 s at 500 Hz."""
 
 RATE_WINDOW_S = 1.0
+MINUTE_S = 60.0
 STATISTICS_EVERY = 250
 YIELD_AFTER_S = 0.05
 YIELD_S = 5e-4
@@ -27,12 +28,14 @@ YIELD_S = 5e-4
 class LoopStatistics:
     """How the loop keeps time. Rates are over the last second, quantiles over the last `LATENESS_WINDOW` ticks.
 
-    `held_s` is the time spent on excused work since the start, `overrun_share` that of the window's ticks that were overruns.
+    `held_s` is the time spent on excused work since the start, `overrun_share` that of the window's ticks that were overruns,
+    `overruns_last_minute` how many there were in the last minute, or since the start where that is less long ago.
     """
 
     rate_hz: float = 0.0
     real_time_factor: float = 0.0
     overruns: int = 0
+    overruns_last_minute: int = 0
     overrun_share: float = 0.0
     rebases: int = 0
     held_s: float = 0.0
@@ -65,6 +68,7 @@ class Pacer:
         self._overruns = 0
         self._rebases = 0
         self._held_s = 0.0
+        self._minute: deque[tuple[float, int]] = deque([(self._due_s, 0)])  # clock and overruns until then
         self._marks: deque[tuple[float, int, float]] = deque()
         self._window = (0.0, 0.0, 0.0)
 
@@ -108,6 +112,9 @@ class Pacer:
             self._mark(now, simulated_s)
         if self._ticks % STATISTICS_EVERY == 0:
             self._window = self._measure()
+            self._minute.append((now, self._overruns))
+            while now - self._minute[0][0] > MINUTE_S:
+                self._minute.popleft()
 
     def excuse(self) -> None:
         """Restart the schedule from now after known slow work in this tick, which then is neither late nor an overrun."""
@@ -128,6 +135,7 @@ class Pacer:
             rate_hz,
             factor,
             self._overruns,
+            self._overruns - self._minute[0][1],
             overrun_share,
             self._rebases,
             self._held_s,

@@ -16,6 +16,7 @@ _MEANING = {
     409: "The state forbids it; the message says what to do",
     413: "The body is too large",
     422: "A field is not allowed; nothing changed",
+    429: "Too many calls, at once or per second",
     500: "A defect; the console's log tells more",
     503: "No control process runs, or it does not answer",
 }
@@ -41,5 +42,5 @@ def _refusal(status: int) -> dict[str, Any]:
     return response
 
 
-ANY_CALL = refusals(400, 401, 403, 500)
+ANY_CALL = refusals(400, 401, 403, 429, 500)
 """What every call may answer."""

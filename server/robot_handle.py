@@ -10,7 +10,6 @@ from server.validation import validated
 from sim.backends.hardware.remote import HardwareRemote
 from sim.backends.hardware.states import DriveState
 from sim.backends.hardware.status import HardwareStatus
-from sim.backends.protocol import BackendError
 
 HANDLED_S = 1.0
 """The I/O process takes a request within a tick of 2 ms; a machine may be busier."""
@@ -67,16 +66,13 @@ class RobotHandle:
 
     def estop(self) -> None:
         """Latch the drives' FAULT. Without an I/O process nothing of ours moves the robot, and nothing happens."""
-        try:
-            if self._remote is not None:
-                self._remote.estop()
-        except BackendError:
-            return
+        if self._remote is not None:
+            self._remote.estop()
 
     def stopped(self) -> bool:
         """Whether the I/O process reports that it damps in FAULT."""
-        status = self.status()
-        return status is not None and status.state == DriveState.FAULT
+        seen = self.status() or (None if self._remote is None else self._remote.report())
+        return seen is not None and seen.state == DriveState.FAULT
 
     def end(self) -> None:
         """Tell the I/O process to damp and to end when the robot is at rest."""

@@ -134,6 +134,7 @@ def loop_json(record: np.void) -> Loop:
         "rate_hz": float(record["loop_rate_hz"]),
         "real_time_factor": float(record["real_time_factor"]),
         "overruns": int(record["overruns"]),
+        "overruns_last_minute": int(record["overruns_last_minute"]),
         "overrun_share": float(record["overrun_share"]),
         "lateness_p99_ms": float(record["lateness_p99_ms"]),
         "tick_median_us": float(record["tick_median_us"]),

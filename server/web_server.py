@@ -14,6 +14,7 @@ from fastapi import FastAPI
 from server.app import create_app
 from server.config import ServerConfig
 from server.credentials import Credentials, token_bytes
+from server.http_protocol import GuardedHttpProtocol
 from server.operator import Operator
 from server.page_entry import SECRET
 from server.websocket_protocol import ShallowWebSocketProtocol
@@ -25,6 +26,8 @@ PING_TIMEOUT_S = 0.9
 of server.websocket_protocol.SECOND_LOOK_S."""
 
 MAX_MESSAGE_BYTES = 64 * 2**20
+BACKLOG = 128
+"""Connections that the system accepts before this process has looked: so many files may be opened at once."""
 
 
 def run_web_server(config: ServerConfig, listener: socket.socket, operator: Operator, announce: Callable[[str], None]) -> None:
@@ -52,6 +55,8 @@ def uvicorn_config(app: FastAPI) -> uvicorn.Config:
     """How uvicorn serves the application."""
     return uvicorn.Config(
         app,
+        http=GuardedHttpProtocol,
+        backlog=BACKLOG,
         log_level="warning",
         access_log=False,
         ws=ShallowWebSocketProtocol,

@@ -23,10 +23,16 @@ class ShallowWebSocketProtocol(WebSocketsSansIOProtocol):
 
     def connection_made(self, transport: BaseTransport) -> None:
         super().connection_made(transport)
+        self.waiting_since_s = self.loop.time()
         cast(Transport, transport).set_write_buffer_limits(high=SEND_BUFFER_BYTES)
         connection = transport.get_extra_info("socket")
         if connection is not None and hasattr(socket, "TCP_NOTSENT_LOWAT"):
             connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NOTSENT_LOWAT, SEND_BUFFER_BYTES)
+
+    @property
+    def admitted(self) -> bool:
+        """See server.crowd.Guest."""
+        return self.handshake_complete
 
     def data_received(self, data: bytes) -> None:
         super().data_received(data)

@@ -17,11 +17,12 @@ from typing import Any
 
 import numpy as np
 
-from control.learning.rollout_data import SPLITS, save_rollout, write_manifest
+from control.files import write_whole
+from control.learning.rollout_data import SPLITS, is_whole_rollout, save_rollout, write_manifest
 from control.provenance import commit
 from control.timing import CONTROL_PERIOD_S
 from sim import scenes
-from sim.processes.executors import EXECUTOR_NAMES, map_unordered
+from sim.processes.executors import EXECUTOR_NAMES, ExecutorError, map_unordered
 from sim.trials.rollout_plans import RolloutPlan, plan_rollouts
 from sim.trials.rollout_recorder import Recording, manifest_entry, record_rollout
 
@@ -96,13 +97,21 @@ def _entry_path(output: Path, index: int) -> Path:
 
 
 def _read_entry(output: Path, plan: RolloutPlan) -> dict[str, Any] | None:
+    """The entry of a rollout that is there and whole."""
     path = _entry_path(output, plan.index)
     if not path.is_file():
         return None
-    entry = json.loads(path.read_text())
+    try:
+        entry = json.loads(path.read_text())
+    except ValueError:
+        logger.warning("%s was written half-way; recording that rollout again", path)
+        return None
     same = {key: entry.get(key) for key in plan.as_dict() if key != "seed"}
     if same != {key: value for key, value in plan.as_dict().items() if key != "seed"}:
         raise CollectionError(f"{path} belongs to a data set with other arguments; choose another --output")
+    if entry["file"] and not is_whole_rollout(output / entry["file"]):
+        logger.warning("%s is missing or damaged; recording that rollout again", output / entry["file"])
+        return None
     return entry
 
 
@@ -113,9 +122,7 @@ def _write(output: Path, recording: Recording) -> dict[str, Any]:
     if file:
         save_rollout(output / file, recording.arrays)
     entry = manifest_entry(recording, file)
-    path = _entry_path(output, index)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps(entry) + "\n")
+    write_whole(_entry_path(output, index), json.dumps(entry) + "\n")
     return entry
 
 
@@ -163,17 +170,22 @@ def main(arguments: list[str] | None = None) -> None:
     options = parser.parse_args(arguments)
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s", datefmt="%H:%M:%S")
     words = sys.argv[1:] if arguments is None else arguments
-    manifest = collect(
-        options.output,
-        options.seed,
-        options.rollouts,
-        options.duration,
-        options.executor,
-        options.workers,
-        options.ray_address,
-        shlex.join(["python", "-m", "sim.collect_dataset", *words]),
-        options.splits,
-    )
+    try:
+        manifest = collect(
+            options.output,
+            options.seed,
+            options.rollouts,
+            options.duration,
+            options.executor,
+            options.workers,
+            options.ray_address,
+            shlex.join(["python", "-m", "sim.collect_dataset", *words]),
+            options.splits,
+        )
+    except (CollectionError, ExecutorError) as error:
+        parser.exit(1, f"collect_dataset: {error}\n")
+    except OSError as error:
+        parser.exit(1, f"collect_dataset: {error}. What is there is kept, and the same command continues\n")
     logger.info("kept %s of %d attempts, rejected %s", manifest["counts"], manifest["attempts"], manifest["rejected"])
     logger.info("profiles %s", manifest["profiles"])
 

@@ -13,6 +13,7 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+from control.files import replacing
 from control.paths import WEIGHTS_DIRECTORY
 from control.policy.observation import EXTENDED_FORM, PAPER_FORM, RESIDUAL_FORM
 from control.policy.policy_weights import PolicyManifest
@@ -87,9 +88,9 @@ def main(arguments: list[str] | None = None) -> None:
         logger.info("seed %d: score %.3f", seed, total)
     if len(jobs) > 1 and not options.from_scratch:
         best = folder / f"seed{totals[len(totals) // 2][1]}" / "best"
-        options.output.mkdir(parents=True, exist_ok=True)
         for file in (f"{name}.npz", f"{name}.json"):
-            shutil.copy2(best / file, options.output / file)
+            with replacing(options.output / file) as partial:
+                shutil.copy2(best / file, partial)
 
 
 if __name__ == "__main__":

@@ -131,7 +131,8 @@ class CommandFilter:
 
     def __init__(self, limits: CommandLimits) -> None:
         self.limits = limits
-        self._guidance_limits = replace(limits, force_rate_nps=limits.guidance_force_rate_nps)
+        self._limits = limits_record(limits)
+        self._guidance_limits = limits_record(replace(limits, force_rate_nps=limits.guidance_force_rate_nps))
         self.reset()
 
     def reset(self) -> None:
@@ -154,6 +155,6 @@ class CommandFilter:
             start["orientation_wxyz"] = quaternion_from_rotation(hand.rotation_to_heading)
             self._state["applied"] = start
         position, force = hand.position_in_heading[None], hand.force_estimated_n[None]
-        limits = self._guidance_limits if command.guidance else self.limits
-        filter_commands(limits_record(limits), to_record(command), position, force, dt_s, self._state)
+        limits = self._guidance_limits if command.guidance else self._limits
+        filter_commands(limits, to_record(command), position, force, dt_s, self._state)
         return from_record(self._state["applied"].copy(), command.guidance)

@@ -12,15 +12,12 @@ _AROUND = (0, 2, 3, 1)
 """FL, RL, RR, FR: the wheels counterclockwise, seen from above."""
 
 
-def feasible_force_scale(
-    force_n: np.ndarray, model: RobotModel, rotation_heading_to_world: np.ndarray, margin_m: float
-) -> float:
+def feasible_force_scale(force_n: np.ndarray, model: RobotModel, margin_m: float) -> float:
     """Largest share, 0 to 1, of a force at the hand under which the centre of pressure stays within the wheels.
 
     Args:
         force_n: (3,) N, environment on hand, in heading.
         model: at the robot's configuration.
-        rotation_heading_to_world: (3, 3).
         margin_m: distance from the edges, `CommandLimits.tip_over_margin_m`.
 
     Returns:
@@ -33,7 +30,7 @@ def feasible_force_scale(
         model.wheel_contact_positions,
         model.end_effector_position,
         model.center_of_mass,
-        rotation_heading_to_world,
+        model.rotation_heading_to_world,
         model.total_mass * GRAVITY_MPS2,
         margin_m,
     )

@@ -32,7 +32,6 @@ from control.estimation.wrench_projection import (
     unconstrained_wrench,
 )
 from control.estimation.wrench_qp import WrenchProjectionError
-from control.frames import rotation_heading_to_world
 from control.joints import ARM_SLICE, LEGS, WHEEL_FRICTION
 from control.kernels.compiled import kernel
 from control.robot_model import WRENCH_SIZE, RobotModel
@@ -84,6 +83,54 @@ def trust_rows(
             trusted[joint_rows[joint]] = 0.0
 
 
+@kernel(
+    "b1(vector, f8[::1], f8[::1], f8, i8[::1], f8[::1], f8[:,::1], f8[::1], i8[::1], i8[::1], f8[::1], f8[:,::1], f8[::1],"
+    " f8[::1], f8[:,::1], f8[::1], f8[::1])"
+)
+def corrected_wrench(
+    joint_position: np.ndarray,
+    lower: np.ndarray,
+    upper: np.ndarray,
+    margin: float,
+    joint_rows: np.ndarray,
+    rows: np.ndarray,
+    residuals: np.ndarray,
+    arm_gravity: np.ndarray,
+    arm_rows: np.ndarray,
+    groups: np.ndarray,
+    parameters: np.ndarray,
+    jacobian: np.ndarray,
+    costs: np.ndarray,
+    trusted: np.ndarray,
+    forces: np.ndarray,
+    wrench: np.ndarray,
+    unexplained: np.ndarray,
+) -> bool:
+    """Wrench (18,) in world axes that explains r + N beta + F phi; False where H is not positive definite.
+
+    Args:
+        joint_position, lower, upper, margin, joint_rows, rows, trusted: see `trust_rows`.
+        residuals: (3, 28) of MomentumResidual.
+        arm_gravity, arm_rows, forces: see `split_forces`.
+        groups, parameters: see `correct_residual`.
+        jacobian, costs, wrench, unexplained: see `unconstrained_wrench`.
+    """
+    trust_rows(joint_position, lower, upper, margin, joint_rows, rows, trusted)
+    residual, inertial_force, with_friction = residuals[0], residuals[1], residuals[2]
+    split_forces(inertial_force, residual - with_friction, arm_gravity, arm_rows, forces)
+    corrected = np.empty(len(residual))
+    correct_residual(residual, forces, groups, parameters, corrected)
+    return unconstrained_wrench(jacobian, corrected, trusted, costs, wrench, unexplained)
+
+
+@kernel("void(f8[:,::1], f8, f8[::1])")
+def wheels_in_cones(rotation_heading_to_world: np.ndarray, friction: float, wrench: np.ndarray) -> None:
+    """Turn a stacked wrench (18,) from world axes into heading, then its wheel forces into their cones, in place."""
+    turn_wrench(rotation_heading_to_world, wrench)
+    wheel_forces = wrench[SUPPORT_ROWS].reshape((len(LEGS), 3))
+    project_on_friction_cone(wheel_forces, friction, wheel_forces)
+
+
 class AdaptiveEstimator(ProjectingEstimator):
     """Fast observer, force-only prior on the end effector, and adaptation of masses and frictions."""
 
@@ -98,7 +145,7 @@ class AdaptiveEstimator(ProjectingEstimator):
         self._arm_rows = model.joint_rows[ARM_SLICE]
         self._friction_groups = friction_groups(model)
         size = len(model.velocity)
-        self._trusted, self._forces, self._corrected = np.zeros(size), np.zeros((size, 3)), np.zeros(size)
+        self._trusted, self._forces = np.zeros(size), np.zeros((size, 3))
 
     @property
     def mass_scales(self) -> np.ndarray:
@@ -132,11 +179,9 @@ class AdaptiveEstimator(ProjectingEstimator):
 
     def _project(self, inputs: EstimatorInput, residual: np.ndarray) -> ForceEstimate:
         wrench = self._unconstrained_wrench()
-        turn_wrench(rotation_heading_to_world(inputs.base.rotation_base_to_world), wrench)
-        wheel_forces = wrench[SUPPORT_ROWS].reshape(len(LEGS), 3)
-        project_on_friction_cone(wheel_forces, self._config.friction, wheel_forces)
-        adapting = self._adaptation.moving
-        return ForceEstimate(wrench[FORCE_ROWS], wheel_forces, mass_scale=self._mass_scale(), mass_adapting=adapting)
+        wheels_in_cones(inputs.model.rotation_heading_to_world, self._config.friction, wrench)
+        forces, wheels = wrench[FORCE_ROWS], wrench[SUPPORT_ROWS].reshape(len(LEGS), 3)
+        return ForceEstimate(forces, wheels, mass_scale=self._mass_scale(), mass_adapting=self._adaptation.moving)
 
     def _unconstrained_wrench(self) -> np.ndarray:
         """(18,) in world axes, of the newest residual after correction by the adapted model.
@@ -146,20 +191,26 @@ class AdaptiveEstimator(ProjectingEstimator):
         """
         observed = self._residual
         model = observed.inputs.model
-        trust_rows(
+        wrench = np.empty(WRENCH_SIZE)
+        if not corrected_wrench(
             observed.inputs.sensor.joint_position,
             model.position_lower,
             model.position_upper,
             self._config.stop_margin_rad,
             model.joint_rows,
             self._rows,
+            observed.residuals,
+            model.arm_gravity(),
+            self._arm_rows,
+            self._friction_groups,
+            self._adaptation.parameters,
+            model.wrench_jacobian,
+            self._costs,
             self._trusted,
-        )
-        split_forces(observed.inertial_force, observed.friction_force, model.arm_gravity(), self._arm_rows, self._forces)
-        correct_residual(observed.residual, self._forces, self._friction_groups, self._adaptation.parameters, self._corrected)
-        wrench = np.empty(WRENCH_SIZE)
-        jacobian = model.wrench_jacobian
-        if not unconstrained_wrench(jacobian, self._corrected, self._trusted, self._costs, wrench, self.unexplained):
+            self._forces,
+            wrench,
+            self.unexplained,
+        ):
             raise WrenchProjectionError(None, "H is not positive definite; every cost in R must be positive")
         return wrench
 

@@ -80,7 +80,7 @@ def middle(a: float, b: float, c: float, d: float) -> float:
 
 
 @kernel(
-    "Tuple((b1, f8))(f8[:,::1], f8[::1], vector, vector, f8[:,::1], f8[:,::1], f8[::1], b1,"
+    "Tuple((b1, f8))(f8[:,::1], f8[::1], vector, vector, i8[::1], f8[:,::1], f8[:,::1], b1,"
     " Config[::1], f8[::1], f8[::1], f8[::1])",
     Config=BASE_STATE,
 )
@@ -89,9 +89,9 @@ def complementary_filter(
     rates: np.ndarray,
     acceleration: np.ndarray,
     joint_velocity: np.ndarray,
+    joint_rows: np.ndarray,
     jacobian: np.ndarray,
     contact_points: np.ndarray,
-    velocity: np.ndarray,
     started: bool,
     config: np.ndarray,
     imu_velocity: np.ndarray,
@@ -105,9 +105,9 @@ def complementary_filter(
         rates: (3,) rad/s, in base.
         acceleration: (3,) m/s^2, specific force at the IMU, in base axes.
         joint_velocity: (22,) rad/s.
+        joint_rows: (22,) generalized row of each joint.
         jacobian: (18, 28) B^T of eq. (9).
         contact_points: (4, 3) m, world-aligned, from the base origin.
-        velocity: (28,) v with the rates and joint velocities; its first three entries are not read.
         started: whether `imu_velocity` is the filter's state already; else rolling contact starts it.
         config: (1,) BASE_STATE.
         imu_velocity: (3,) m/s, in world, state of the filter.
@@ -118,6 +118,8 @@ def complementary_filter(
         Whether the result is finite, and the height of the base origin above the ground, m.
     """
     r, lever = rotation_base_to_world, config[0].lever
+    velocity = np.empty(jacobian.shape[1])
+    stack_velocity(_UNKNOWN, rates, joint_velocity, joint_rows, velocity)
     fastest = 0.0
     for wheel in range(_WHEELS[0], _WHEELS[1]):
         fastest = max(fastest, WHEEL_RADIUS_M * abs(joint_velocity[wheel]))
@@ -169,7 +171,6 @@ class BaseStateEstimator:
     def __init__(self, config: BaseStateConfig, model: RobotModel) -> None:
         self._config = packed(BASE_STATE, config, lever=model.imu_position_in_base)
         self._model = model
-        self._velocity = np.zeros(len(model.velocity))
         self._imu_velocity = np.zeros(3)
         self._correction = np.zeros(3)
         self.reset()
@@ -190,16 +191,15 @@ class BaseStateEstimator:
         model = self._model
         rotation, rates = rotation_from_quaternion(sensor.orientation_wxyz), np.array(sensor.angular_velocity)
         model.update_configuration(rotation, sensor.joint_position)
-        stack_velocity(_UNKNOWN, rates, sensor.joint_velocity, model.joint_rows, self._velocity)
         velocity = np.empty(3)
         finite, height = complementary_filter(
             rotation,
             rates,
             sensor.linear_acceleration,
             sensor.joint_velocity,
+            model.joint_rows,
             model.wrench_jacobian,
             model.wheel_contact_positions,
-            self._velocity,
             self._last is not None,
             self._config,
             self._imu_velocity,

@@ -65,6 +65,6 @@ def require_sound(estimate: ForceEstimate) -> ForceEstimate:
         UnsoundEstimateError: it is not.
     """
     force = estimate.force_estimated_n
-    if force.shape != (3,) or not math.isfinite(force.sum()):
+    if force.shape != (3,) or not math.isfinite(sum(force.tolist())):
         raise UnsoundEstimateError(f"force_estimated_n must be three finite numbers, not {force}")
     return estimate

@@ -14,7 +14,6 @@ from control.estimation.wrench_projection import (
     wrench_jacobian_in_heading,
 )
 from control.estimation.wrench_qp import ContactConstraints, WrenchSolver
-from control.frames import rotation_heading_to_world
 from control.robot_model import RobotModel
 from control.types import ForceEstimate
 
@@ -26,7 +25,7 @@ class GmoPseudoInverse(ProjectingEstimator):
         jacobian = inputs.model.wrench_jacobian
         wrench = pseudo_inverse_wrench(jacobian, residual)
         unexplained_residual(jacobian, wrench, residual, self.unexplained)
-        turn_wrench(rotation_heading_to_world(inputs.base.rotation_base_to_world), wrench)
+        turn_wrench(inputs.model.rotation_heading_to_world, wrench)
         return estimate_from_wrench(wrench)
 
 
@@ -48,8 +47,8 @@ class GmoConstrained(ProjectingEstimator):
 
     def _project(self, inputs: EstimatorInput, residual: np.ndarray) -> ForceEstimate:
         # The pyramid is aligned with the heading frame.
-        heading = rotation_heading_to_world(inputs.base.rotation_base_to_world)
-        wrench_jacobian_in_heading(inputs.model.wrench_jacobian, heading, self._jacobian)
+        model = inputs.model
+        wrench_jacobian_in_heading(model.wrench_jacobian, model.rotation_heading_to_world, self._jacobian)
         wrench, _ = self._solver.solve(build_wrench_problem(self._jacobian, residual, self._rows, self._costs))
         unexplained_residual(self._jacobian, wrench, residual, self.unexplained)
         return estimate_from_wrench(wrench)

@@ -162,12 +162,12 @@ def add_instant(
         parameters: (9,) theta, the result.
     """
     size = len(residual)
-    regressor = np.zeros((size, PARAMETER_COUNT))
+    regressor = np.zeros((PARAMETER_COUNT, size))
     for row in range(size):
-        regressor[row, ARM] = rows[row] * forces[row, 0]
-        regressor[row, REST] = rows[row] * forces[row, 1]
+        regressor[ARM, row] = rows[row] * forces[row, 0]
+        regressor[REST, row] = rows[row] * forces[row, 1]
         if groups[row] >= 0:
-            regressor[row, _FIRST_FRICTION + groups[row]] = rows[row] * forces[row, 2]
+            regressor[_FIRST_FRICTION + groups[row], row] = rows[row] * forces[row, 2]
     factor, wrench = np.empty((WRENCH_SIZE, WRENCH_SIZE)), np.empty(WRENCH_SIZE)
     normal_equations(jacobian, residual, rows, costs, factor, wrench)
     if not factorize(factor):
@@ -175,23 +175,27 @@ def add_instant(
     unexplained = np.empty(size)
     for k in range(PARAMETER_COUNT):
         wrench[:] = 0.0
-        for i in range(WRENCH_SIZE):
-            for row in range(size):
-                wrench[i] += jacobian[i, row] * rows[row] * regressor[row, k]
+        for row in range(size):
+            weighted = rows[row] * regressor[k, row]
+            if weighted != 0.0:  # the friction of an arm joint is one row
+                for i in range(WRENCH_SIZE):
+                    wrench[i] += jacobian[i, row] * weighted
         substitute(factor, wrench)
-        unexplained[:] = regressor[:, k]
+        unexplained[:] = 0.0
         for i in range(WRENCH_SIZE):
             for row in range(size):
-                unexplained[row] -= wrench[i] * jacobian[i, row] * rows[row]
+                unexplained[row] += wrench[i] * jacobian[i, row]
         explained_by_parameter = 0.0
         for row in range(size):
+            unexplained[row] = regressor[k, row] - rows[row] * unexplained[row]
             explained_by_parameter += unexplained[row] * rows[row] * residual[row]
         information_vector[k] = keep * information_vector[k] - weight * explained_by_parameter
-        for j in range(PARAMETER_COUNT):
+        for j in range(k + 1):
             shared = 0.0
             for row in range(size):
-                shared += unexplained[row] * regressor[row, j]
+                shared += unexplained[row] * regressor[j, row]
             information[k, j] = keep * information[k, j] + (1.0 - keep) * prior[k, j] + weight * shared
+            information[j, k] = information[k, j]
     solution = information_vector.copy()
     if not solve_positive(information.copy(), solution):
         return False

@@ -138,11 +138,9 @@ class MomentumResidual:
         return self._observer.residual[_RESIDUAL]
 
     @property
-    def inertial_force(self) -> np.ndarray:
-        """(28,) N = M vdot + h of the nominal model, lagging like r. After the first tick only."""
-        return self._observer.residual[_INERTIAL]
+    def residuals(self) -> np.ndarray:
+        """(3, 28) r; N = M vdot + h of the nominal model; r with the nominal friction left in. All lag alike.
 
-    @property
-    def friction_force(self) -> np.ndarray:
-        """(28,) nominal joint friction that was taken out of r, lagging like r; zero without. After the first tick only."""
-        return self._observer.residual[_RESIDUAL] - self._observer.residual[_RESIDUAL_WITH_FRICTION]
+        After the first tick only; the next tick overwrites them.
+        """
+        return self._observer.residual

@@ -1,5 +1,6 @@
 """The force estimators that run side by side, by name."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -37,6 +38,13 @@ class EstimatorsConfig:
     constraints: ContactConstraints = field(default_factory=ContactConstraints)
     adaptive: AdaptiveConfig = field(default_factory=AdaptiveConfig)
     weights: Path | None = WEIGHTS_DIRECTORY
+
+
+def bases(estimators: Mapping[str, ForceEstimator]) -> dict[str, str]:
+    """The estimator from whose estimate another one makes its own, by the name of the other one."""
+    names = {id(estimator): name for name, estimator in estimators.items()}
+    learned = {name: estimator for name, estimator in estimators.items() if isinstance(estimator, LearnedEstimator)}
+    return {name: names[id(estimator.nominal)] for name, estimator in learned.items() if id(estimator.nominal) in names}
 
 
 def make_estimators(model: RobotModel, config: EstimatorsConfig) -> dict[str, ForceEstimator]:

@@ -7,7 +7,7 @@ import numpy as np
 import torch
 
 from control.estimation.networks.force_features import SIGMA_GROUPS, features, increment_columns, sigma_drivers
-from control.estimation.networks.force_network import NetworkManifest, scale_output
+from control.estimation.networks.force_network import NetworkManifest, scale_outputs
 from control.learning.rollout_data import SETTLE_STEPS, Rollout
 from control.learning.targets import TrainingTarget
 from control.learning.windows import WindowSet
@@ -52,7 +52,7 @@ def predict(
         inputs, _, _ = windows.windows(torch.full_like(steps, index), steps)
         mass_scale = features(SIGMA_GROUPS, rollout.signals(target.features_from))[steps]
         drivers = sigma_drivers(inputs.numpy(), increments, mass_scale)
-        force, sigma = scale_output(module(inputs).numpy(), drivers, manifest)
+        force, sigma = scale_outputs(module(inputs).numpy(), drivers, manifest)
         truth = rollout.force_true_n[steps]
         nominal_error = None
         error = force - truth

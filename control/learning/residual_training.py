@@ -22,6 +22,7 @@ from control.estimation.networks.force_features import feature_names
 from control.estimation.networks.force_network import NetworkManifest
 from control.estimation.networks.network_weights import save_network
 from control.estimation.networks.residual_tcn import TcnShape
+from control.files import replacing
 from control.learning.calibration import calibrate
 from control.learning.curves import save_curves
 from control.learning.evaluation import Prediction, by_cell, cell_metrics, predict, typical_rmse
@@ -220,10 +221,8 @@ class ResidualTraining:
             "validation_rmse": self.validation_rmse,
             "best_parameters": self.best_parameters,
         }
-        self.run.mkdir(parents=True, exist_ok=True)
-        partial = self.run / "checkpoint.partial"
-        torch.save(state, partial)
-        partial.replace(self.run / "checkpoint.pt")
+        with replacing(self.run / "checkpoint.pt") as partial:
+            torch.save(state, partial)
 
     def _resume(self) -> None:
         path = self.run / "checkpoint.pt"

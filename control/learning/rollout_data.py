@@ -1,13 +1,16 @@
 """Recorded rollouts on disk: one npz file each, and manifest.json that names them, their split and where they came from."""
 
 import json
+import zipfile
+import zlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from control.estimation.networks.force_signals import Signals
+from control.estimation.networks.force_signals import SIGNALS, derive
+from control.files import replacing, write_whole
 
 SCHEMA = 1
 SPLITS = ("train", "validation", "test")
@@ -27,6 +30,11 @@ MEASURED = {
 NOMINAL = {"force": 3, "wheel_forces": 12, "residual": 28, "unexplained": 28, "mass_scale": 2}
 NOMINAL_ESTIMATORS = ("gmo_cqp", "adaptive")
 TRUTH = {"force_true_n": 3, "wheel_forces_true": 12, "linear_velocity_true": 3}
+
+
+_AGAIN = "run the collection again with the same arguments, it fills the gap"
+_DAMAGE = (zipfile.BadZipFile, zlib.error, EOFError, ValueError)
+"""What a file that was written half-way, or changed, raises when it is read."""
 
 
 class DatasetError(ValueError):
@@ -50,11 +58,15 @@ class Rollout:
         """(T, 3) N, in heading."""
         return self.arrays["force_true_n"]
 
-    def signals(self, nominal: str) -> Signals:
-        """All steps stacked, (T, n) each, with the nominal quantities of one estimator."""
-        measured = {name: self.arrays[name] for name in MEASURED}
-        estimated = {f"nominal_{quantity}": self.arrays[f"{nominal}.{quantity}"] for quantity in NOMINAL}
-        return Signals(**measured, **estimated)
+    def signals(self, nominal: str) -> np.ndarray:
+        """SIGNALS (T,) of all steps, with the nominal quantities of one estimator."""
+        signals = np.zeros(len(self.force_true_n), SIGNALS)
+        for name in MEASURED:
+            signals[name] = self.arrays[name]
+        for quantity in NOMINAL:
+            signals[f"nominal_{quantity}"] = self.arrays[f"{nominal}.{quantity}"]
+        derive(signals)
+        return signals
 
 
 def column_sizes() -> dict[str, int]:
@@ -74,31 +86,38 @@ def save_rollout(path: Path, arrays: dict[str, np.ndarray]) -> None:
             raise DatasetError(f"{path}: array {name!r} must have {columns} columns")
         if not np.isfinite(arrays[name]).all():
             raise DatasetError(f"{path}: array {name!r} is not finite; reject the rollout")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_suffix(".partial.npz")
     single = {name: arrays[name].astype(np.float32) for name in column_sizes()}
-    np.savez_compressed(partial, allow_pickle=False, **single)
-    partial.replace(path)
+    with replacing(path) as partial:
+        np.savez_compressed(partial, allow_pickle=False, **single)
+
+
+def is_whole_rollout(path: Path) -> bool:
+    """Whether the file is there, and every byte of its arrays is as it was written."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            return archive.testzip() is None and {f"{name}.npy" for name in column_sizes()} <= set(archive.namelist())
+    except (FileNotFoundError, *_DAMAGE):
+        return False
 
 
 def write_manifest(directory: Path, content: dict[str, Any]) -> None:
     """Write manifest.json with the schema added; the file appears complete or not at all."""
-    directory.mkdir(parents=True, exist_ok=True)
-    partial = directory / "manifest.json.partial"
-    partial.write_text(json.dumps({"schema": SCHEMA, **content}, indent=1) + "\n")
-    partial.replace(directory / "manifest.json")
+    write_whole(directory / "manifest.json", json.dumps({"schema": SCHEMA, **content}, indent=1) + "\n")
 
 
 def read_manifest(directory: Path) -> dict[str, Any]:
     """The manifest of a data set.
 
     Raises:
-        DatasetError: there is none, or it has another schema.
+        DatasetError: there is none, it is damaged, or it has another schema.
     """
     path = directory / "manifest.json"
     if not path.is_file():
         raise DatasetError(f"{path} is missing; collect data with `python -m sim.collect_dataset --output {directory}`")
-    content = json.loads(path.read_text())
+    try:
+        content = json.loads(path.read_text())
+    except ValueError:
+        raise DatasetError(f"{path} is damaged; {_AGAIN}") from None
     if content.get("schema") != SCHEMA:
         raise DatasetError(f"{path} has schema {content.get('schema')}, this code reads {SCHEMA}; collect the data again")
     return content
@@ -108,7 +127,7 @@ def load_split(directory: Path, split: str) -> list[Rollout]:
     """All rollouts of one split, in the manifest's order.
 
     Raises:
-        DatasetError: no such split, no rollout in it, or a file is missing.
+        DatasetError: no such split, no rollout in it, or a file is missing or damaged.
     """
     entries = [entry for entry in read_manifest(directory)["rollouts"] if entry["split"] == split]
     if not entries:
@@ -118,6 +137,9 @@ def load_split(directory: Path, split: str) -> list[Rollout]:
 
 def _load(path: Path) -> dict[str, np.ndarray]:
     if not path.is_file():
-        raise DatasetError(f"{path} is missing; run the collection again with the same arguments, it fills the gap")
-    with np.load(path) as archive:
-        return {name: archive[name] for name in archive.files}
+        raise DatasetError(f"{path} is missing; {_AGAIN}")
+    try:
+        with np.load(path) as archive:
+            return {name: archive[name] for name in archive.files}
+    except _DAMAGE:
+        raise DatasetError(f"{path} is damaged; {_AGAIN}") from None

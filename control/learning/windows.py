@@ -31,7 +31,7 @@ def raw_features(rollout: Rollout, target: TrainingTarget) -> np.ndarray:
     """(T, F) features of a rollout, not normalised; what is seen as change has none at the first step."""
     levels = features(target.feature_groups, rollout.signals(target.features_from))
     before = np.vstack([levels[:1], levels[:-1]])
-    return levels - before * increment_columns(target.feature_groups, target.increment_groups).astype(np.float32)
+    return levels - before * increment_columns(target.feature_groups, target.increment_groups)
 
 
 def wanted_force(rollout: Rollout, target: TrainingTarget) -> np.ndarray:

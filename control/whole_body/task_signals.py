@@ -5,7 +5,7 @@ Everything is known on hardware. Controllers, memory and observation read it, on
 
 import numpy as np
 
-from control.command.command_record import COMMAND, to_record
+from control.command.command_record import COMMAND
 from control.estimation.rolling_contact import rolling_velocity
 from control.frames import rotation_error, rotation_from_quaternion, rotation_heading_to_world
 from control.kernels.compiled import kernel
@@ -67,7 +67,11 @@ def stands(signals: np.record) -> bool:
     return abs(velocity[0]) < REST_VELOCITY and abs(velocity[2]) < REST_VELOCITY
 
 
-@kernel("void(matrix, vector, f8, vector, vector, vector, vector, vector, matrix, vector, Signals[::1])", Signals=TASK_SIGNALS)
+@kernel(
+    "void(matrix, vector, f8, vector, vector, vector, vector, vector, matrix, vector,"
+    " vector, vector, vector, vector, vector, Signals[::1])",
+    Signals=TASK_SIGNALS,
+)
 def _fill(
     rotation_base_to_world: np.ndarray,
     angular_velocity: np.ndarray,
@@ -79,9 +83,14 @@ def _fill(
     hand_from_base: np.ndarray,
     hand_rotation: np.ndarray,
     force_estimated_n: np.ndarray,
+    mask: np.ndarray,
+    force_n: np.ndarray,
+    position_m: np.ndarray,
+    orientation_wxyz: np.ndarray,
+    base_velocity: np.ndarray,
     out: np.ndarray,
 ) -> None:
-    """Fill the signals (1,) of one robot, whose command is already there.
+    """Fill the signals (1,) of one robot.
 
     Args:
         rotation_base_to_world: (3, 3).
@@ -92,9 +101,14 @@ def _fill(
         hand_from_base: (3,) m, world-aligned, from the base origin.
         hand_rotation: (3, 3) hand to world.
         force_estimated_n: (3,) N, in heading.
+        mask, force_n, position_m, orientation_wxyz, base_velocity: of the command.
         out: TASK_SIGNALS (1,).
     """
     s = out[0]
+    s.command.orientation_wxyz[:] = orientation_wxyz
+    for i in range(3):
+        s.command.mask[i], s.command.force_n[i] = mask[i], force_n[i]
+        s.command.position_m[i], s.command.base_velocity[i] = position_m[i], base_velocity[i]
     heading = rotation_heading_to_world(rotation_base_to_world)
     # Both rotations to heading: the error is that of heading axes.
     hand_to_heading = np.empty((3, 3))
@@ -122,9 +136,8 @@ def _fill(
 
 def task_signals(inputs: ControllerInput) -> np.ndarray:
     """Signals (1,) of one robot."""
-    sensor, base, model = inputs.sensor, inputs.base, inputs.model
+    sensor, base, model, command = inputs.sensor, inputs.base, inputs.model, inputs.command
     signals = np.empty(1, TASK_SIGNALS)
-    signals["command"] = to_record(inputs.command)
     _fill(
         base.rotation_base_to_world,
         base.angular_velocity_in_base,
@@ -136,6 +149,11 @@ def task_signals(inputs: ControllerInput) -> np.ndarray:
         model.end_effector_position,
         model.end_effector_rotation,
         inputs.force_estimated_n,
+        command.mask,
+        command.force_n,
+        command.position_m,
+        command.orientation_wxyz,
+        command.base_velocity,
         signals,
     )
     return signals

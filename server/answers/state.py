@@ -108,6 +108,8 @@ class Loop(Answer):
     """simulated over wall-clock time, measured"""
     overruns: int
     """ticks that missed their deadline, since the control process started"""
+    overruns_last_minute: int
+    """ticks that missed their deadline within the last minute"""
     overrun_share: float
     """share of the last seconds' ticks that missed their deadline"""
     lateness_p99_ms: float

@@ -12,6 +12,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from control.files import write_whole
 from control.provenance import commit, machine
 
 Row = dict[str, str | int | float | bool | list[float] | list[str] | None]
@@ -86,8 +87,7 @@ class Report:
                 **({"summaries": [_without_nan(row) for row in self.summaries]} if self.summaries else {}),
                 "bars": [_without_nan(asdict(bar)) for bar in self.bars],
             }
-            json_path.parent.mkdir(parents=True, exist_ok=True)
-            json_path.write_text(json.dumps(content, indent=1) + "\n")
+            write_whole(json_path, json.dumps(content, indent=1) + "\n")
 
 
 def format_table(rows: Sequence[dict[str, Any]]) -> str:

@@ -12,7 +12,7 @@ import urllib.parse
 from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import msgspec
 import websockets
@@ -36,7 +36,7 @@ _CAMERA = {
 
 
 class ServerProcess:
-    """`python -m server` on a free port, with a connection that is kept open.
+    """`python -m server` on a free port, with a connection that is kept open; its standard error goes to `errors`.
 
     Attributes:
         start_s: from the command to a page with its scene served.
@@ -44,10 +44,10 @@ class ServerProcess:
         control_pid: of the control process.
     """
 
-    def __init__(self, *arguments: str) -> None:
+    def __init__(self, *arguments: str, errors: IO[str] | None = None) -> None:
         started = time.perf_counter()
         command = [sys.executable, "-m", "server", "--no-browser", "--port", "0", *arguments]
-        self._process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True)
+        self._process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=errors, text=True)
         assert self._process.stdout is not None
         line = self._process.stdout.readline()
         if "http" not in line:
@@ -86,9 +86,7 @@ class ServerProcess:
 
     def resident_mb(self) -> float:
         """Resident memory of all its processes."""
-        pids = [self.pid, *children(self.pid)]
-        pages = sum(int(Path(f"/proc/{pid}/statm").read_text().split()[1]) for pid in pids)
-        return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
+        return sum(resident_mb(pid) for pid in (self.pid, *children(self.pid)))
 
     def web_cpu_s(self) -> float:
         """Processor time of the web process so far."""
@@ -103,6 +101,11 @@ class ServerProcess:
             self._process.wait(15.0)
         except subprocess.TimeoutExpired:
             self._process.kill()
+
+
+def resident_mb(pid: int) -> float:
+    """Resident memory of one process."""
+    return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
 
 
 def children(pid: int) -> list[int]:

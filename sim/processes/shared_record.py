@@ -4,16 +4,16 @@ A seqlock: the writer makes the counter odd, copies the record, stores its check
 A reader copies and accepts the copy if the counter was even and unchanged and the checksum fits. The counter alone
 suffices where stores become visible in order (x86); the checksum makes it hold on processors that reorder them.
 
-`allocate` makes an anonymous mapping that is handed to a spawned child by descriptor: it has no name, so a killed process
-leaves nothing behind, and no resource tracker may unlink it early. Any other mapping of `size_of` bytes will do.
+`allocate` makes memory for a process and its spawned children. Any other mapping of `size_of` bytes will do.
 """
 
 import time
 import zlib
-from multiprocessing.context import SpawnContext
 from typing import Any
 
 import numpy as np
+
+from sim.processes.anonymous_memory import AnonymousMemory
 
 _HEADER = np.dtype([("counter", "u8"), ("checksum", "u4"), ("padding", "u4")])
 
@@ -23,9 +23,9 @@ def size_of(dtype: np.dtype) -> int:
     return _HEADER.itemsize + dtype.itemsize
 
 
-def allocate(context: SpawnContext, dtype: np.dtype) -> Any:
+def allocate(dtype: np.dtype) -> AnonymousMemory:
     """Zeroed memory for one record, to be given to `SharedRecord` here and, as a process argument, in a spawned child."""
-    return context.RawArray("B", size_of(dtype))
+    return AnonymousMemory(size_of(dtype))
 
 
 class SharedRecord:

@@ -37,7 +37,7 @@ FAULT_WORDS: dict[Fault, str] = {
     Fault.TORQUE_LIMIT: "a joint is at its torque limit",
     Fault.ESTIMATOR_STALE: "the force estimate is stale, its last good value is repeated",
     Fault.CONTROLLER_ERROR: "the controller failed, select another one",
-    Fault.TIP_OVER_LIMIT: "commanded force reduced, the robot would tip over",
+    Fault.TIP_OVER_LIMIT: "the robot would tip over: commanded force reduced, or the base drives under the load",
     Fault.ESTIMATOR_ERROR: "a force estimator failed",
 }
 

@@ -4,6 +4,7 @@ A session has no clock and no sockets. Feed it set-points, tick it, and let it f
 only a robot can do stands in sim.runtime.simulation and sim.runtime.robot_session.
 """
 
+import math
 from dataclasses import replace
 from typing import Generic, TypeVar
 
@@ -46,6 +47,7 @@ class Session(Generic[BackendT]):
         self.pipeline = Pipeline(pipeline or PipelineConfig())
         check_pipeline(self.pipeline)
         self._error_power = np.empty(len(self.pipeline.estimator_names))
+        self._asked, self._asked_command = b"", DEFAULT_COMMAND
         self._command_sequence = 0
         self._forget()
 
@@ -87,7 +89,10 @@ class Session(Generic[BackendT]):
 
         A base velocity whose operator has fallen silent does not act again when he is heard again, only when he asks anew.
         """
-        command, sequence = command_from_record(setpoint["command"]), int(setpoint["sequence"])
+        sequence, asked = int(setpoint["sequence"]), setpoint["command"].tobytes()
+        if asked != self._asked:
+            self._asked, self._asked_command = asked, command_from_record(setpoint["command"])
+        command = self._asked_command
         if age_s > self.pipeline.config.safety.setpoint_timeout_s:
             self._unheard_sequence = sequence
         if sequence == self._unheard_sequence:
@@ -133,15 +138,15 @@ class Session(Generic[BackendT]):
         truth = self.truth()
         if truth is None or self._output is None:
             return
-        weight = min(1.0, interval_s / ERROR_WINDOW_S)
+        weight, true_force = min(1.0, interval_s / ERROR_WINDOW_S), truth.force_true_n.tolist()
         for index, name in enumerate(self.pipeline.estimator_names):
             estimate = self._output.estimates.get(name)
             if estimate is None:
                 continue
-            error = estimate.force_estimated_n - truth.force_true_n
-            power = float(error @ error)
-            last = self._error_power[index]
-            self._error_power[index] = power if np.isnan(last) else last + weight * (power - last)
+            error = zip(estimate.force_estimated_n.tolist(), true_force, strict=True)
+            power = sum((estimated - true) ** 2 for estimated, true in error)
+            last = float(self._error_power[index])
+            self._error_power[index] = power if math.isnan(last) else last + weight * (power - last)
 
     def fill(self, record: np.void) -> None:
         """Fill a SNAPSHOT record but for the loop's own fields. What this session has not is NaN, zero or empty."""

@@ -101,7 +101,8 @@ SNAPSHOT = np.dtype(
         ("drag_force_n", "f8", 3),  # in heading
         ("loop_rate_hz", "f8"),
         ("real_time_factor", "f8"),
-        ("overruns", "u8"),
+        ("overruns", "u8"),  # since the start
+        ("overruns_last_minute", "u8"),
         ("overrun_share", "f8"),  # of the ticks of the last seconds
         ("rebases", "u4"),  # times the loop fell so far behind that it dropped the lost time
         ("held_s", "f8"),  # time spent on slow work that was asked for, such as loading a scene

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+from control.files import write_whole
 from control.provenance import commit
 from control.timing import CONTROL_PERIOD_S
 from sim.training.surrogate import MOTION_NAMES, SURROGATE_FILE, LowPass, SurrogateParameters
@@ -160,8 +161,7 @@ def main(arguments: list[str] | None = None) -> None:
         "commit": commit(),
         "parameters": asdict(parameters),
     }
-    options.output.parent.mkdir(parents=True, exist_ok=True)
-    options.output.write_text(json.dumps(content, indent=1) + "\n")
+    write_whole(options.output, json.dumps(content, indent=1) + "\n")
     logger.info("wrote %s: %s", options.output, parameters)
     if options.plot is not None:
         save_plot(options.plot, recordings[len(recordings) // 2], parameters)

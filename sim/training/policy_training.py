@@ -10,6 +10,7 @@ from typing import Any
 
 import torch
 
+from control.files import replacing, write_whole
 from control.joints import JOINT_COUNT
 from control.learning.policy.actor_critic import CRITIC_HIDDEN, HIDDEN, ActorCritic
 from control.learning.policy.curves import save_policy_curves
@@ -271,11 +272,9 @@ class PolicyTraining:
             "best": self.best,
             "generator": torch.get_rng_state(),
         }
-        self.run.mkdir(parents=True, exist_ok=True)
-        partial_path = self.run / "checkpoint.partial"
-        torch.save(state, partial_path)
-        partial_path.replace(self.run / "checkpoint.pt")
-        (self.run / "history.json").write_text(json.dumps(self.history) + "\n")
+        with replacing(self.run / "checkpoint.pt") as file:
+            torch.save(state, file)
+        write_whole(self.run / "history.json", json.dumps(self.history) + "\n")
 
     def _resume(self) -> None:
         path = self.run / "checkpoint.pt"

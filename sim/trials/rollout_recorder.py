@@ -64,9 +64,9 @@ def _row(runner: RolloutRunner, tick: Tick) -> dict[str, np.ndarray]:
     for name in NOMINAL_ESTIMATORS:
         estimator = runner.pipeline.estimators[name]
         assert isinstance(estimator, ProjectingEstimator)
-        signals = signals_at(inputs, estimator, estimator.estimate())
-        row |= {f"{name}.{quantity}": getattr(signals, f"nominal_{quantity}") for quantity in NOMINAL}
-        row |= {quantity: getattr(signals, quantity) for quantity in MEASURED}
+        signals = signals_at(inputs, estimator, estimator.estimate())[0]
+        row |= {f"{name}.{quantity}": signals[f"nominal_{quantity}"] for quantity in NOMINAL}
+        row |= {quantity: signals[quantity] for quantity in MEASURED}
     truth = runner.backend.truth()
     row["force_true_n"] = truth.force_true_n
     row["wheel_forces_true"] = truth.wheel_forces.reshape(-1)

@@ -9,6 +9,8 @@ import pytest
 import control.pipeline
 from control.command.limits import DEFAULT_COMMAND
 from control.estimation.force_estimator import EstimatorInput
+from control.estimation.registry import LEARNED_NAMES, MODEL_BASED_NAMES
+from control.estimation.wrench_qp import WrenchSolver
 from control.joints import JOINT_COUNT, LEGS, NOMINAL_POSITION
 from control.pipeline import Pipeline, PipelineConfig
 from control.timing import (
@@ -54,6 +56,29 @@ def test_every_estimator_that_is_shown_has_a_slot_of_its_own(count: int) -> None
         assert set(shown) == {*names} - {selected}
         assert len(set(shown.values())) == count - 1
         assert set(shown.values()) <= set(slots(Job.SHOWN_ESTIMATE))
+
+
+@pytest.mark.parametrize("selected", ["base", "net", "other", "late"])
+def test_an_estimator_that_another_ones_estimate_contains_is_shown_with_it(selected: str) -> None:
+    shown = shown_slots(["base", "other", "net", "late"], selected, {"net": "base", "late": "base"})
+    assert set(shown) == {"base", "other", "net", "late"} - {selected}
+    if selected != "base":
+        assert shown["base"] in (shown.get("net"), shown.get("late"))
+    apart = [slot for name, slot in shown.items() if name != "base"]
+    assert len(set(apart)) == len(apart)
+
+
+@pytest.mark.parametrize("selected", MODEL_BASED_NAMES + LEARNED_NAMES)
+def test_the_quadratic_program_is_solved_once_in_a_control_period_for_all_who_need_it(
+    selected: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    solved: list[int] = []
+    solve = WrenchSolver.solve
+    monkeypatch.setattr(WrenchSolver, "solve", lambda self, problem: (solved.append(tick), solve(self, problem))[1])
+    pipeline = Pipeline(PipelineConfig(controller="model_based", estimator=selected, policies=None))
+    for tick in range(5 * SLOT_COUNT):
+        pipeline.step(frame(tick * TICK_S), DEFAULT_COMMAND)
+    assert len(solved) == (5 * SLOT_COUNT if selected in ("gmo_cqp", "hybrid_paper") else 5)
 
 
 def test_an_estimator_without_a_slot_is_refused() -> None:

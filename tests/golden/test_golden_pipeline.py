@@ -34,6 +34,9 @@ ALLOWED = {
     "gmo_cqp.wheel_forces": 2e-2,
     "hybrid_paper.force": 5e-3,
 }
+SHOWN_ANEW = ("gmo_cqp.force", "gmo_cqp.wheel_forces")
+"""Recorded while gmo_cqp was shown in a slot of its own. It is now in that of hybrid_paper, which contains its estimate, so
+that the program is solved once for both; and a stale estimate, of which there is one, repeats that of another tick."""
 EXACT = ("faults", *(f"{name}.stale" for name in MODEL_BASED_NAMES))
 FREE_OF_NETWORKS = slice(FREE.ticks, FREE.ticks + MODEL_BASED.ticks)
 """Ticks at which controller and selected estimator compute in double precision."""
@@ -76,7 +79,10 @@ def test_nothing_golden_goes_uncompared(golden: dict[str, np.ndarray], now: dict
 
 @pytest.mark.parametrize("name", ALLOWED)
 def test_values_equal_the_golden_ones(name: str, golden: dict[str, np.ndarray], now: dict[str, np.ndarray]) -> None:
-    assert difference(now[name], golden[name]) <= ALLOWED[name]
+    rows = slice(None)
+    if name in SHOWN_ANEW:
+        rows = ~golden["gmo_cqp.stale"][:, 0]
+    assert difference(now[name][rows], golden[name][rows]) <= ALLOWED[name]
 
 
 @pytest.mark.parametrize("name", ["selected_force", "applied", "target_position", "target_velocity"])

@@ -15,6 +15,7 @@ from typing import Any, get_args
 
 import httpx
 
+from control.files import write_whole
 from server import answers
 from server.app import create_app
 from server.credentials import Credentials
@@ -69,7 +70,7 @@ def main() -> None:
             time.sleep(0.1)
         responses = [*tour(server.http), *robot(server.http), *refused(server)]
     examples = dict(example(response) for response in responses if response.content and route_of(response) is not None)
-    TARGET.write_text(pretty(dict(sorted(examples.items()))) + "\n", encoding="utf-8")
+    write_whole(TARGET, pretty(dict(sorted(examples.items()))) + "\n")
 
 
 if __name__ == "__main__":

@@ -1,9 +1,13 @@
 """Origin, host and token rules, on the middleware alone."""
 
+import json
+from pathlib import Path
+
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import server.access
 from server.access import same_origin
 from server.config import ConfigError, ServerConfig
 from server.credentials import Credentials
@@ -30,6 +34,17 @@ COOKIE = Credentials(TOKEN).cookie_name
 def test_changes_are_for_our_own_page(method: str, origin: str | None, status: int) -> None:
     headers = {} if origin is None else {"Origin": origin}
     assert ask(method, headers).status == status
+
+
+@pytest.mark.parametrize("method", ["POST", "PATCH"])
+def test_behind_a_proxy_that_rewrites_the_host_the_refusal_tells_cause_and_cure(method: str) -> None:
+    refused = ask(method, {"Origin": "https://robot.example"}, host=HOST)
+    assert refused.status == 403
+    detail = json.loads(refused.body)["detail"]
+    assert "https://robot.example" in detail and HOST in detail
+    manual = (Path(server.access.__file__).parent / "README.md").read_text()
+    for line in ("proxy_set_header Host $http_host;", "proxy_http_version 1.1; proxy_set_header Upgrade $http_upgrade;"):
+        assert line in detail and line in manual
 
 
 @pytest.mark.parametrize("host", ["localhost:1234", "127.0.0.1", "[::1]:8080"])

@@ -31,9 +31,9 @@ class Bench:
 
     def __init__(self, *, paused: bool = False, state: SharedRecord | None = None) -> None:
         self.session = FakeSession()
-        self.state = state or SharedRecord(shared_record.allocate(CONTEXT, SNAPSHOT), SNAPSHOT)
-        self.setpoints = SharedRecord(shared_record.allocate(CONTEXT, SETPOINT), SETPOINT)
-        self.estops = EstopLane(estop_lane.allocate(CONTEXT))
+        self.state = state or SharedRecord(shared_record.allocate(SNAPSHOT), SNAPSHOT)
+        self.setpoints = SharedRecord(shared_record.allocate(SETPOINT), SETPOINT)
+        self.estops = EstopLane(estop_lane.allocate())
         self.pipe, theirs = CONTEXT.Pipe()
         self.theirs: Connection = theirs
         self.pacer = Pacer(TICK_S, lambda: 0.0, lambda _: None)

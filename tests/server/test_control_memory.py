@@ -48,11 +48,11 @@ def allocated() -> tuple[int, int]:
 def growth() -> tuple[float, float]:
     """Bytes of malloc and blocks of Python per tick of the real loop with an operator who watches."""
     context = multiprocessing.get_context("spawn")
-    state = SharedRecord(shared_record.allocate(context, SNAPSHOT), SNAPSHOT)
-    setpoints = SharedRecord(shared_record.allocate(context, SETPOINT), SETPOINT)
+    state = SharedRecord(shared_record.allocate(SNAPSHOT), SNAPSHOT)
+    setpoints = SharedRecord(shared_record.allocate(SETPOINT), SETPOINT)
     _, theirs = context.Pipe()
     pacer = Pacer(TICK_S, sleep=lambda _: None)
-    estops = EstopLane(estop_lane.allocate(context))
+    estops = EstopLane(estop_lane.allocate())
     loop = ControlLoop(Simulation(), state, setpoints, estops, theirs, pacer, paused=False, realtime=False)
     setpoint = default_setpoint()
 

@@ -3,7 +3,7 @@
 import pytest
 
 from control.timing import TICK_S
-from server.pacing import LATENESS_WINDOW, STATISTICS_EVERY, Pacer
+from server.pacing import LATENESS_WINDOW, MINUTE_S, STATISTICS_EVERY, Pacer
 
 
 class Clock:
@@ -70,6 +70,22 @@ def test_the_share_of_overruns_is_that_of_the_window(pacer: Pacer, clock: Clock)
     assert pacer.statistics().overrun_share == pytest.approx(0.1)
     run_ticks(pacer, clock, LATENESS_WINDOW, 0.0005)
     assert pacer.statistics().overrun_share == 0.0
+
+
+def test_what_was_missed_a_minute_ago_counts_no_longer(pacer: Pacer, clock: Clock) -> None:
+    ticks_per_minute = round(MINUTE_S / TICK_S)
+    run_ticks(pacer, clock, 1, 0.0025)
+    run_ticks(pacer, clock, ticks_per_minute // 2, 0.0005)
+    run_ticks(pacer, clock, 1, 0.0025)
+    run_ticks(pacer, clock, ticks_per_minute // 2 - STATISTICS_EVERY, 0.0005)
+    assert (pacer.statistics().overruns_last_minute, pacer.statistics().overruns) == (2, 2)
+    run_ticks(pacer, clock, 3 * STATISTICS_EVERY, 0.0005)
+    assert (pacer.statistics().overruns_last_minute, pacer.statistics().overruns) == (1, 2)
+    run_ticks(pacer, clock, ticks_per_minute // 2, 0.0005)
+    assert (pacer.statistics().overruns_last_minute, pacer.statistics().overruns) == (0, 2)
+    pacer.excuse()
+    run_ticks(pacer, clock, 1, 0.0025)
+    assert pacer.statistics().overruns_last_minute == 1
 
 
 def test_falling_far_behind_drops_the_lost_time_and_says_so(pacer: Pacer, clock: Clock) -> None:

@@ -1,15 +1,17 @@
 """Data collection: honest splits, published profiles, reproducible rollouts, resume, and the same result on a Ray cluster."""
 
+import errno
 import json
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from control.learning.rollout_data import SPLITS, column_sizes, load_split
+from control.learning.rollout_data import SPLITS, DatasetError, column_sizes, is_whole_rollout, load_split
 from control.robot_model import RobotModel
 from control.timing import CONTROL_PERIOD_S, TICK_S
-from sim.collect_dataset import CollectionError, collect
+from sim.collect_dataset import CollectionError, collect, main
 from sim.processes.executors import ExecutorError, map_unordered
 from sim.trials.rollout_plans import RolloutPlan, plan_rollouts
 from sim.trials.rollout_profiles import (
@@ -147,6 +149,74 @@ def test_collection_resumes_and_refuses_another_data_set(tmp_path: Path) -> None
     assert len(load_split(tmp_path, "train")[0].force_true_n) == 15
     with pytest.raises(CollectionError, match="--output"):
         collect(tmp_path, seed=2, rollouts=3, duration_s=0.3)
+
+
+@pytest.fixture
+def in_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Collect without other processes."""
+    monkeypatch.setattr("sim.collect_dataset.map_unordered", lambda _, function, arguments, *__: map(function, arguments))
+
+
+def test_a_collection_continues_wherever_the_disk_was_full(
+    tmp_path: Path, in_process: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    reference = collect(tmp_path / "reference", seed=1, rollouts=3, duration_s=0.1)
+    for room in range(7):
+        writes = iter(range(room))
+
+        def full(_: int, writes: Iterator[int] = writes) -> None:
+            if next(writes, None) is None:
+                raise OSError(errno.ENOSPC, "No space left on device")
+
+        with monkeypatch.context() as patch:
+            patch.setattr("control.files.os.fsync", full)
+            with pytest.raises(OSError, match="No space"):
+                collect(tmp_path / f"{room}", seed=1, rollouts=3, duration_s=0.1)
+        assert collect(tmp_path / f"{room}", seed=1, rollouts=3, duration_s=0.1) == reference
+        assert not list((tmp_path / f"{room}").rglob("*partial*"))
+
+
+@pytest.mark.parametrize("ending", [".json", ".npz"])
+@pytest.mark.parametrize("damage", [lambda data: b"", lambda data: data[: len(data) // 2], lambda data: data[:-1]])
+def test_what_was_written_half_way_is_found_and_recorded_again(
+    tmp_path: Path, in_process: None, ending: str, damage: Callable[[bytes], bytes]
+) -> None:
+    manifest = collect(tmp_path, seed=1, rollouts=3, duration_s=0.1)
+    victim = sorted(tmp_path.glob(f"rollouts/*{ending}"))[1]
+    whole = victim.read_bytes()
+    damaged = damage(whole)
+    victim.write_bytes(damaged)
+    assert collect(tmp_path, seed=1, rollouts=3, duration_s=0.1) == manifest
+    assert (victim.read_bytes() == damaged) == (damaged.rstrip() == whole.rstrip())  # a line end is no loss
+    load_split(tmp_path, manifest["rollouts"][1]["split"])
+
+
+def test_a_damaged_data_set_is_not_trained_on(tmp_path: Path, in_process: None) -> None:
+    manifest = collect(tmp_path, seed=1, rollouts=3, duration_s=0.1)
+    first = manifest["rollouts"][0]
+    path = tmp_path / first["file"]
+    data = bytearray(path.read_bytes())
+    data[len(data) // 3] ^= 0xFF
+    path.write_bytes(data)
+    assert not is_whole_rollout(path)
+    path.write_bytes(data[:100])
+    with pytest.raises(DatasetError, match="run the collection again"):
+        load_split(tmp_path, first["split"])
+    (tmp_path / "manifest.json").write_text("{")
+    with pytest.raises(DatasetError, match="run the collection again"):
+        load_split(tmp_path, first["split"])
+
+
+def test_a_full_disk_is_told_plainly(
+    tmp_path: Path, in_process: None, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def full(_: int) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("control.files.os.fsync", full)
+    with pytest.raises(SystemExit, match="1"):
+        main(["--output", str(tmp_path), "--rollouts", "3", "--duration", "0.1"])
+    assert "No space left on device. What is there is kept" in capsys.readouterr().err
 
 
 def test_without_ray_the_cure_is_named(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -5,13 +5,14 @@ import { call, followState } from "./api.js";
 const CHECK_PERIOD_MS = 1000;
 const CHECK_TIMEOUT_MS = 3000;
 const REFUSALS = [401, 403];
+const NO_SOCKET = "The server answers, but not with the robot's state: a proxy must let WebSockets through. Trying again.";
 
 /**
  * Follow the state for ever. The link is live while the stream flows and the page's e-stop would be heard: a cookie can be
  * lost while a stream flows on.
  * @param {number} rateHz
  * @param {(state: object) => void} onState newest snapshot
- * @param {(link: "live" | "connecting" | "lost" | "refused", reason?: string) => void} onLink with the reason of a refusal
+ * @param {(link: "live" | "connecting" | "lost" | "refused", reason?: string) => void} onLink with the reason, if known
  */
 export function watchLink(rateHz, onState, onLink) {
   let stream = "connecting";
@@ -21,7 +22,8 @@ export function watchLink(rateHz, onState, onLink) {
 
   function tell() {
     if (permission === "refused") onLink("refused", reason);
-    else onLink(stream === "live" ? permission : stream);
+    else if (stream === "live") onLink(permission);
+    else onLink(stream, permission === "live" ? NO_SOCKET : undefined);
   }
 
   async function check() {

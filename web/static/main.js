@@ -68,7 +68,7 @@ function showFaults(state) {
 function onLink(link, reason) {
   showLink(link);
   if (link === "refused") showBanner("link", "stop", `This page cannot stop the robot: ${reason}`);
-  else if (link === "lost") showBanner("link", "warn", "The server does not answer. The robot may still be moving. Trying again.");
+  else if (link === "lost") showBanner("link", "warn", reason ?? "The server does not answer. The robot may still be moving. Trying again.");
   else hideBanner("link");
 }
 

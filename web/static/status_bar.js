@@ -15,16 +15,16 @@ function show(id, text, level = "") {
 /** Show a state of the stream. */
 export function showState(state) {
   const paused = state.mode === "paused";
-  const { real_time_factor: factor, speed, overruns, overrun_share: share } = state.loop;
+  const { real_time_factor: factor, speed, overruns, overruns_last_minute: perMinute, overrun_share: share } = state.loop;
   const { lateness_p99_ms: lateness, realtime_scheduling: realtime } = state.loop;
   showMode(modeOf(state));
   const drive = state.drive;
   show("backend", drive ? `${state.backend}${drive.dry_run ? ", dry run" : ""}: ${drive.state.replace("_", " ")}` : `${state.backend}, ${state.scene}`);
   show("real-time", paused ? "–" : `× ${factor.toFixed(2)}`, !paused && factor < SLOW * speed ? "warn" : "");
-  show("overruns", String(overruns), overrunning(overruns) ? "warn" : "");
+  show("overruns", `${perMinute} / min`, state.faults.includes(OVERRUNS) ? "warn" : "");
   element("overruns").title =
-    `Ticks that missed their 2 ms deadline, ${(100 * share).toFixed(1)} % of the last seconds'. 99 % are at most ${lateness.toFixed(2)} ms late; ` +
-    `real-time priority is ${realtime ? "granted" : "not granted"}.`;
+    `Ticks that missed their 2 ms deadline in the last minute; ${(100 * share).toFixed(1)} % of the last seconds', ${overruns} since the start. ` +
+    `99 % are at most ${lateness.toFixed(2)} ms late; real-time priority is ${realtime ? "granted" : "not granted"}.`;
   // Until the masses that it finds come to rest, the force may be off by more than its standard deviation says.
   show("estimator", state.mass_adapting ? `${state.estimator}, adapting` : state.estimator, state.mass_adapting ? "warn" : "");
 }
@@ -37,15 +37,7 @@ function modeOf(state) {
 }
 
 const SLOW = 0.9;
-const OVERRUN_MS = 3000;
-const overrun = { count: 0, sinceMs: -Infinity };
-
-/** The count has grown within the last seconds. */
-function overrunning(count) {
-  if (count > overrun.count) overrun.sinceMs = performance.now();
-  overrun.count = count;
-  return performance.now() - overrun.sinceMs < OVERRUN_MS;
-}
+const OVERRUNS = "LOOP_OVERRUNS";
 
 /** Show the mode alone: a key of MODE_WORDS. */
 export function showMode(mode) {

@@ -3,12 +3,10 @@
 The model-based part runs at 500 Hz, the network at 50 Hz; in between its last correction holds.
 """
 
-from dataclasses import replace
-
 import numpy as np
 
 from control.estimation.force_estimator import EstimatorInput
-from control.estimation.networks.force_network import ForceNetwork
+from control.estimation.networks.force_network import ForceNetwork, SampleError
 from control.estimation.networks.force_signals import signals_at
 from control.estimation.projecting_estimator import ProjectingEstimator
 from control.timing import Job, due
@@ -29,6 +27,11 @@ class LearnedEstimator:
         self._corrects = network.manifest.nominal is not None
         self.reset()
 
+    @property
+    def nominal(self) -> ProjectingEstimator:
+        """The model-based estimator."""
+        return self._nominal
+
     def set_gains(self, k1: float, k2: float) -> None:
         """Change the gains of the model-based estimator. The network was trained with the default ones.
 
@@ -46,6 +49,7 @@ class LearnedEstimator:
         self._step_tick: int | None = None
         self._force = np.zeros(3)
         self._sigma: np.ndarray | None = None
+        self._held = False
 
     def observe(self, inputs: EstimatorInput) -> None:
         """Take in one 500 Hz tick."""
@@ -55,20 +59,38 @@ class LearnedEstimator:
     def estimate(self) -> ForceEstimate:
         """Nominal force plus the correction, or the network's own force; wheel forces are the nominal ones.
 
+        Where a step of the network is not finite, its last force holds, and the estimate is stale until the next sound step.
+
         Raises:
             RuntimeError: nothing has been observed since the last reset.
+            SampleError: the first step of the network is not finite.
         """
         nominal = self._nominal.estimate()
         if self._inputs is None:
             raise RuntimeError("no tick observed since the last reset; call observe before estimate")
         tick = self._inputs.tick
         if self._network_due(tick):
+            self._step(signals_at(self._inputs, self._nominal, nominal))
             self._step_tick = tick
-            self._force, self._sigma = self._network.step(signals_at(self._inputs, self._nominal, nominal))
         self._asked_tick = tick
-        if self._corrects:
-            return replace(nominal, force_estimated_n=nominal.force_estimated_n + self._force, sigma_n=self._sigma)
-        return ForceEstimate(self._force.copy(), nominal.wheel_forces_in_heading, self._sigma, stale=nominal.stale)
+        force = nominal.force_estimated_n + self._force if self._corrects else self._force.copy()
+        return ForceEstimate(
+            force,
+            nominal.wheel_forces_in_heading,
+            self._sigma,
+            mass_scale=nominal.mass_scale if self._corrects else None,
+            mass_adapting=nominal.mass_adapting and self._corrects,
+            stale=nominal.stale or self._held,
+        )
+
+    def _step(self, signals: np.ndarray) -> None:
+        try:
+            self._force, self._sigma = self._network.step(signals)
+            self._held = False
+        except SampleError:
+            if self._step_tick is None:
+                raise
+            self._held = True
 
     def _network_due(self, tick: int) -> bool:
         """Where every tick asks, the network steps in its slot of the timetable; where few do, at those."""

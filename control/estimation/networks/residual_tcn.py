@@ -1,4 +1,4 @@
-"""Causal temporal convolutional network of the residual force correction, paper Sec. II.D, evaluated with numpy.
+"""Causal temporal convolutional network of the residual force correction, paper Sec. II.D, at its newest output.
 
 Each of the blocks runs two dilated causal convolutions with ReLU and adds its input; an MLP head maps the newest output to
 the force. A causal convolution pads the window with zeros on its old side. Only the newest output is wanted, so only the
@@ -9,6 +9,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+
+from control.kernels.compiled import kernel
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,54 +97,120 @@ def parameter_shapes(shape: TcnShape) -> dict[str, tuple[int, ...]]:
     return shapes
 
 
-class _Convolution:
-    """One convolution on the rows that matter; the last row of its padded input stays zero."""
+@kernel("void(f4[:,::1], i8[::1], f4[::1], f4[::1], f4[:,::1])")
+def _convolve(source: np.ndarray, rows: np.ndarray, parameters: np.ndarray, room: np.ndarray, out: np.ndarray) -> None:
+    """y_i = relu(b + sum_t W_t x_(rows[i, t])) for every time step i of `out`.
 
-    def __init__(self, weight: np.ndarray, bias: np.ndarray, rows: np.ndarray, source_rows: int) -> None:
-        outputs, channels, kernel = weight.shape
-        # PyTorch's last tap meets the newest step; here the newest comes first.
-        flipped = weight[:, :, ::-1].transpose(2, 1, 0)
-        self._matrix = np.ascontiguousarray(flipped.reshape(kernel * channels, outputs), dtype=np.float32)
-        self._bias = bias.astype(np.float32)
-        self._rows = rows.reshape(-1)
-        self._gathered = np.empty((rows.size, channels), np.float32)
-        self._stacked = self._gathered.reshape(len(rows), kernel * channels)
-        self.padded_input = np.zeros((source_rows + 1, channels), np.float32)
+    Args:
+        source: (s + 1, channels) x, the last row zero: what lies before the window.
+        rows: (n * kernel,) row of `source` under each tap.
+        parameters: W (kernel, channels, outputs), then b (outputs,).
+        room: for what lies under the taps.
+        out: (n, outputs) y.
+    """
+    count, outputs = out.shape
+    channels = source.shape[1]
+    size = len(rows) // count * channels
+    for i in range(len(rows)):
+        for channel in range(channels):
+            room[i * channels + channel] = source[rows[i], channel]
+    stacked, weight = room[: count * size].reshape((count, size)), parameters[: size * outputs].reshape((size, outputs))
+    np.dot(stacked, weight, out)
+    for i in range(count):
+        for o in range(outputs):
+            out[i, o] = max(out[i, o] + parameters[size * outputs + o], np.float32(0.0))
 
-    def run(self, out: np.ndarray) -> None:
-        """ReLU of the convolution of `padded_input` into `out` (target rows, outputs)."""
-        np.take(self.padded_input, self._rows, axis=0, out=self._gathered, mode="clip")
-        np.dot(self._stacked, self._matrix, out=out)
-        out += self._bias
-        np.maximum(out, 0.0, out=out)
+
+@kernel("void(f4[:,::1], i8[::1], f4[::1], f4[:,::1])")
+def _add_skip(source: np.ndarray, steps: np.ndarray, parameters: np.ndarray, out: np.ndarray) -> None:
+    """y_i = relu(y_i + S x_(steps[i])) in place.
+
+    Args:
+        source: (s + 1, channels) x.
+        steps: (n,) row of `source` at each step of `out`.
+        parameters: of S, weight (channels, width) and bias (width,); none where S is the identity.
+        out: (n, width) y.
+    """
+    channels, width = source.shape[1], out.shape[1]
+    for i in range(len(out)):
+        skipped = source[steps[i]]
+        for o in range(width):
+            out[i, o] += skipped[o] if len(parameters) == 0 else parameters[channels * width + o]
+        if len(parameters) > 0:
+            for channel in range(channels):
+                for o in range(width):
+                    out[i, o] += skipped[channel] * parameters[channel * width + o]
+        for o in range(width):
+            out[i, o] = max(out[i, o], np.float32(0.0))
 
 
-class _Block:
-    """Two convolutions and the skip connection."""
+@kernel("f4[::1](f4[::1], f4[::1], i8, i8)")
+def _head(feature: np.ndarray, parameters: np.ndarray, size: int, outputs: int) -> np.ndarray:
+    """W2 relu(W1 x + b1) + b2 (outputs,) of x (width,) by `size` hidden units; W1, b1, W2, b2 in turn are the parameters."""
+    width = len(feature)
+    second = (width + 1) * size
+    hidden = parameters[width * size : second].copy()
+    for i in range(width):
+        for o in range(size):
+            hidden[o] += feature[i] * parameters[i * size + o]
+    out = parameters[second + size * outputs :].copy()
+    for i in range(size):
+        if hidden[i] > np.float32(0.0):
+            for o in range(outputs):
+                out[o] += hidden[i] * parameters[second + i * outputs + o]
+    return out
 
-    def __init__(self, taps: BlockTaps, parameters: Mapping[str, np.ndarray], prefix: str, kernel: int) -> None:
-        weight1, weight2 = parameters[f"{prefix}.conv1.weight"], parameters[f"{prefix}.conv2.weight"]
-        rows1 = tap_rows(taps.inputs, taps.middle, taps.dilation, kernel)
-        rows2 = tap_rows(taps.middle, taps.outputs, taps.dilation, kernel)
-        self._first = _Convolution(weight1, parameters[f"{prefix}.conv1.bias"], rows1, len(taps.inputs))
-        self._second = _Convolution(weight2, parameters[f"{prefix}.conv2.bias"], rows2, len(taps.middle))
-        self._skip_rows = np.array([taps.inputs.index(lag) for lag in taps.outputs])
-        self._skip: tuple[np.ndarray, np.ndarray] | None = None
-        if f"{prefix}.skip.weight" in parameters:
-            matrix = parameters[f"{prefix}.skip.weight"][:, :, 0].T
-            self._skip = np.ascontiguousarray(matrix, np.float32), parameters[f"{prefix}.skip.bias"].astype(np.float32)
-        self.input = self._first.padded_input[:-1]
 
-    def run(self, out: np.ndarray) -> None:
-        """Output of the block for `input` into `out` (output lags, width)."""
-        self._first.run(self._second.padded_input[:-1])
-        self._second.run(out)
-        skipped = self.input[self._skip_rows]
-        if self._skip is not None:
-            matrix, bias = self._skip
-            skipped = skipped @ matrix + bias
-        out += skipped
-        np.maximum(out, 0.0, out=out)
+@kernel("f4[::1](i8[::1], i8[:,::1], i8[::1], f4[::1], f4[::1], f4[::1], matrix)")
+def _evaluate(
+    shape: np.ndarray,
+    sizes: np.ndarray,
+    rows: np.ndarray,
+    parameters: np.ndarray,
+    values: np.ndarray,
+    room: np.ndarray,
+    window: np.ndarray,
+) -> np.ndarray:
+    """Newest output (outputs,) of the network: blocks y = relu(conv2(conv1(x)) + S x), then the head.
+
+    All that a network holds lies in a few arrays, because every array that a kernel is given costs time.
+
+    Args:
+        shape: (4,) of TcnShape: width, kernel, head, outputs.
+        sizes: (blocks, 3) time steps of each block's input, middle and output.
+        rows: steps of the window that are read; then of each block the rows under the taps of both convolutions and those of
+            the skip.
+        parameters: of each block those of both convolutions and of the skip; then of the head.
+        values: room for the input and the middle of each block, each with a row of zeros at its end, and for the last output.
+        room: for `_convolve`.
+        window: (H, inputs) normalised features, oldest first.
+    """
+    width, taps, hidden, outputs = shape
+    channels = window.shape[1]
+    row, parameter, source_at = sizes[0, 0], 0, 0
+    for i in range(row):
+        for channel in range(channels):
+            values[i * channels + channel] = window[rows[i], channel]
+    for block in range(len(sizes)):
+        given, between, wanted = sizes[block]
+        middle_at = source_at + (given + 1) * channels
+        out_at = middle_at + (between + 1) * width
+        source = values[source_at:middle_at].reshape((given + 1, channels))
+        middle = values[middle_at : out_at - width].reshape((between, width))
+        padded_middle = values[middle_at:out_at].reshape((between + 1, width))
+        out = values[out_at : out_at + wanted * width].reshape((wanted, width))
+
+        size = (taps * channels + 1) * width
+        _convolve(source, rows[row : row + between * taps], parameters[parameter : parameter + size], room, middle)
+        row, parameter = row + between * taps, parameter + size
+        size = (taps * width + 1) * width
+        _convolve(padded_middle, rows[row : row + wanted * taps], parameters[parameter : parameter + size], room, out)
+        row, parameter = row + wanted * taps, parameter + size
+        size = 0 if channels == width else (channels + 1) * width
+        _add_skip(source, rows[row : row + wanted], parameters[parameter : parameter + size], out)
+        row, parameter = row + wanted, parameter + size
+        source_at, channels = out_at, width
+    return _head(values[source_at : source_at + width], parameters[parameter:], hidden, outputs)
 
 
 class ResidualTcn:
@@ -161,11 +229,20 @@ class ResidualTcn:
                 raise ValueError(f"network parameter {name!r} has shape {parameters[name].shape}, expected {expected}")
         self.shape = shape
         taps = block_taps(shape)
-        self._input_lags = np.array([shape.history - 1 - lag for lag in taps[0].inputs])
-        self._blocks = [_Block(tap, parameters, f"blocks.{i}", shape.kernel) for i, tap in enumerate(taps)]
-        self._feature = np.empty((1, shape.width), np.float32)
-        self._targets = [*(block.input for block in self._blocks[1:]), self._feature]
-        self._head = [_head_layer(parameters, index) for index in range(2)]
+        self._shape = np.array([shape.width, shape.kernel, shape.head, shape.outputs])
+        self._sizes = np.array([[len(tap.inputs), len(tap.middle), len(tap.outputs)] for tap in taps])
+        rows = [np.array([shape.history - 1 - lag for lag in taps[0].inputs])]
+        for tap in taps:
+            rows.append(tap_rows(tap.inputs, tap.middle, tap.dilation, shape.kernel))
+            rows.append(tap_rows(tap.middle, tap.outputs, tap.dilation, shape.kernel))
+            rows.append(np.array([tap.inputs.index(lag) for lag in tap.outputs]))
+        self._rows = np.concatenate([part.ravel() for part in rows])
+        flat = [_kernel_order(parameters[name]).ravel() for name in parameter_shapes(shape)]
+        self._parameters = np.concatenate(flat).astype(np.float32)
+        channels = [shape.inputs, *[shape.width] * (len(taps) - 1)]
+        size = sum((len(t.inputs) + 1) * c + (len(t.middle) + 1) * shape.width for t, c in zip(taps, channels, strict=True))
+        self._values = np.zeros(size + shape.width, np.float32)
+        self._room = np.zeros(int(self._sizes.max()) * shape.kernel * max(channels), np.float32)
 
     def predict(self, window: np.ndarray) -> np.ndarray:
         """Newest output of the network.
@@ -176,17 +253,9 @@ class ResidualTcn:
         Returns:
             (outputs,) float32.
         """
-        np.take(window, self._input_lags, axis=0, out=self._blocks[0].input, mode="clip")
-        for block, target in zip(self._blocks, self._targets, strict=True):
-            block.run(target)
-        (hidden_matrix, hidden_bias), (matrix, bias) = self._head
-        hidden = self._feature[0] @ hidden_matrix
-        hidden += hidden_bias
-        np.maximum(hidden, 0.0, out=hidden)
-        return hidden @ matrix + bias
+        return _evaluate(self._shape, self._sizes, self._rows, self._parameters, self._values, self._room, window)
 
 
-def _head_layer(parameters: Mapping[str, np.ndarray], index: int) -> tuple[np.ndarray, np.ndarray]:
-    """Matrix (inputs, outputs) and bias (outputs,) in single precision."""
-    matrix = np.ascontiguousarray(parameters[f"head.{index}.weight"].T, np.float32)
-    return matrix, parameters[f"head.{index}.bias"].astype(np.float32)
+def _kernel_order(parameter: np.ndarray) -> np.ndarray:
+    """A parameter of PyTorch's layout as the kernels read it: (taps, inputs, outputs), the newest tap first."""
+    return parameter[:, :, ::-1].transpose(2, 1, 0) if parameter.ndim == 3 else parameter.T

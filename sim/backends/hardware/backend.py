@@ -29,6 +29,10 @@ CONTROLLED_S = 0.3
 """A control process that was heard this recently lives."""
 
 _START_S = 20.0
+_ORPHAN_KNOWN_S = 2.0
+"""An I/O process whose control process has died has noticed by then."""
+
+_RELEASE_S = 10.0
 _FIRST_STATE_S = 5.0
 
 
@@ -71,6 +75,7 @@ class HardwareBackend:
         if reason is not None:
             raise BackendError(reason)
         if not self._attach():
+            self._await_release()
             self._launch()
         deadline = time.monotonic() + _FIRST_STATE_S
         self._start_s = self._clock()
@@ -188,6 +193,17 @@ class HardwareBackend:
                 HardwareRemote(self.config).end()
             time.sleep(0.05)
         return False
+
+    def _await_release(self) -> None:
+        """Let an I/O process end whose shared memory was removed: nobody can attach to it."""
+        remote, began = HardwareRemote(self.config), time.monotonic()
+        while (answer := remote.report()) is not None:
+            waited_s = time.monotonic() - began
+            if answer.controlled and waited_s > _ORPHAN_KNOWN_S:
+                raise BackendError("another control process drives this robot, and its shared memory was removed; end it first")
+            if waited_s > _RELEASE_S:
+                raise BackendError(f"the I/O process before this one has not let go of the robot within {_RELEASE_S:.0f} s")
+            time.sleep(0.05)
 
     def _lives(self, record: np.void) -> bool:
         return self._clock() - float(record["time_s"]) < ALIVE_S

@@ -3,12 +3,15 @@
 Each direction is a SharedRecord with one writer. The e-stop is one byte that anybody may set and only the I/O process clears.
 
 The memory is a file with a name, because the I/O process outlives the process that started it and the next one must find it.
+It lies in a folder of its user alone.
 """
 
+import contextlib
 import mmap
 import os
-import tempfile
+import stat
 from enum import IntEnum
+from io import FileIO
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +20,7 @@ from control.joints import JOINT_COUNT
 from sim.backends.hardware.config import HardwareConfig
 from sim.backends.hardware.robot import SENSOR_COUNT
 from sim.backends.protocol import BackendError
+from sim.processes.private_folder import UnsafeFolderError, open_private_folder
 from sim.processes.shared_record import SharedRecord, size_of
 
 IO_TICK = np.dtype(
@@ -98,31 +102,27 @@ class IoMemory:
         create: make it anew, as the I/O process does; otherwise it must exist.
 
     Raises:
-        BackendError: it does not exist, or is of another version.
+        BackendError: it does not exist, is of another version, or its folder is not this user's alone.
     """
 
     def __init__(self, path: Path, create: bool = False) -> None:
         size = _ESTOP_BYTES + _aligned(IO_STATE) + _aligned(IO_COMMAND)
-        if create:
-            path.unlink(missing_ok=True)
-            descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o600)
-            os.ftruncate(descriptor, size)
-        else:
-            try:
-                descriptor = os.open(path, os.O_RDWR)
-            except FileNotFoundError:
-                raise BackendError(f"no I/O process has made {path}; open the hardware backend first") from None
-        try:
-            if os.fstat(descriptor).st_size != size:
-                raise BackendError(f"{path} belongs to another version; end its I/O process and delete it")
-            self._map = mmap.mmap(descriptor, size)
-        finally:
-            os.close(descriptor)
+        self._file = _open(path, size if create else None)
+        status = os.fstat(self._file.fileno())
+        if status.st_size != size or not stat.S_ISREG(status.st_mode):
+            self._file.close()
+            raise BackendError(f"{path} belongs to another version; end its I/O process and delete it")
+        self._map = mmap.mmap(self._file.fileno(), size)
         view = np.frombuffer(self._map, np.uint8)
         self._estop = view[:1]
         command = _ESTOP_BYTES + _aligned(IO_STATE)
         self.state = SharedRecord(view[_ESTOP_BYTES : _ESTOP_BYTES + size_of(IO_STATE)], IO_STATE)
         self.command = SharedRecord(view[command : command + size_of(IO_COMMAND)], IO_COMMAND)
+
+    @property
+    def has_name(self) -> bool:
+        """Whether anybody can still find it."""
+        return os.fstat(self._file.fileno()).st_nlink > 0
 
     @property
     def estop(self) -> bool:
@@ -134,16 +134,31 @@ class IoMemory:
         self._estop[0] = EstopSource.OPERATOR if asked else EstopSource.NONE
 
 
-def _folder() -> Path:
-    memory = Path("/dev/shm")
-    return memory if memory.is_dir() else Path(tempfile.gettempdir())
+def _open(path: Path, new_size: int | None) -> FileIO:
+    """The file, made anew with `new_size` bytes unless that is None."""
+    try:
+        folder = open_private_folder(path.parent)
+    except UnsafeFolderError as error:
+        raise BackendError(str(error)) from None
+    except OSError as error:
+        raise BackendError(f"the hardware backend keeps shared memory in {path.parent}: {error.strerror}") from None
+    flags = os.O_RDWR | os.O_NOFOLLOW
+    try:
+        if new_size is None:
+            return FileIO(os.open(path.name, flags, dir_fd=folder), "r+")
+        with contextlib.suppress(FileNotFoundError):
+            os.unlink(path.name, dir_fd=folder)
+        file = FileIO(os.open(path.name, flags | os.O_CREAT | os.O_EXCL, 0o600, dir_fd=folder), "r+")
+        file.truncate(new_size)
+        return file
+    except FileNotFoundError:
+        raise BackendError(f"no I/O process has made {path}; open the hardware backend first") from None
+    except OSError as error:
+        raise BackendError(f"shared memory {path} cannot be opened: {error.strerror}") from None
+    finally:
+        os.close(folder)
 
 
 def memory_path(config: HardwareConfig) -> Path:
     """Where the shared memory of a robot's I/O process is, per user and network."""
-    return _folder() / f"forcelens-{os.getuid()}-{config.base.interface}-{config.base.domain}"
-
-
-def lock_path(config: HardwareConfig) -> Path:
-    """The single-writer lock of a network, one for all users of this machine."""
-    return Path(tempfile.gettempdir()) / f"forcelens-lowcmd-{config.base.interface}-{config.base.domain}.lock"
+    return Path(f"/dev/shm/forcelens-{os.geteuid()}") / f"{config.base.interface}-{config.base.domain}"

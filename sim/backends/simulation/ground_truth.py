@@ -9,6 +9,7 @@ import numpy as np
 
 from control.frames import rotation_heading_to_world
 from control.joints import END_EFFECTOR_FRAME, LEGS
+from control.kernels.compiled import kernel
 from control.wheel_geometry import lowest_points
 from sim.backends.protocol import GroundTruth
 
@@ -67,6 +68,8 @@ class GroundTruthReader:
         """Take contacts of the robot with itself out of `forces` (5, 3) in world: they are not the environment's."""
         contact = self._data.contact
         geom = contact.geom
+        if not touches_itself(geom, self._is_robot):
+            return
         for index in np.flatnonzero(self._is_robot[geom].all(1)):
             mujoco.mj_contactForce(self._model, self._data, index, self._contact_force)
             # Force on the second geom; the rows of the frame are the contact's axes in world.
@@ -74,3 +77,12 @@ class GroundTruthReader:
             bodies = self._model.geom_bodyid[geom[index]]
             forces -= (self._receivers == bodies[1])[:, None] * force
             forces += (self._receivers == bodies[0])[:, None] * force
+
+
+@kernel("b1(Array(i4, 2, 'A', readonly=True), b1[::1])")
+def touches_itself(geoms: np.ndarray, is_robot: np.ndarray) -> bool:
+    """Whether both geoms of any contact, of geoms (n, 2), are of the robot (geoms,)."""
+    touches = False
+    for contact in range(len(geoms)):
+        touches |= bool(is_robot[geoms[contact, 0]] and is_robot[geoms[contact, 1]])
+    return touches

@@ -1,20 +1,20 @@
-"""The simulated robot behind the Backend protocol: drives, sensors, scenes, mismatch, wrenches and ground truth.
+"""The simulated robot behind the Backend protocol: drives, sensors, scenes, mismatch, wrenches and ground truth."""
 
-Drives: the actuators of the model become generic affine ones (gain 1, bias [0, -stiffness, -damping]), so that a JointCommand
-with any gains goes through MuJoCo's implicit integration: ctrl = stiffness q_d + damping dq_d + feed-forward torque.
-"""
+import math
 
 import mujoco
 import numpy as np
 
 from control.joints import JOINT_COUNT, JOINT_NAMES, NOMINAL_POSITION
-from control.robot_model import GRAVITY_MPS2
+from control.kernels.compiled import kernel
 from control.types import JointCommand, SensorFrame
 from sim import scenes
 from sim.backends.protocol import BackendError, GroundTruth
 from sim.backends.simulation.applied_wrenches import AppliedWrenches
 from sim.backends.simulation.drag_spring import drag_spring
+from sim.backends.simulation.drives import Drives
 from sim.backends.simulation.ground_truth import GroundTruthReader
+from sim.backends.simulation.ideal_sensors import IdealSensors
 from sim.backends.simulation.mismatch import Mismatch, NominalParameters
 from sim.backends.simulation.sensors import SensorConfig, SensorModel
 from sim.scenes import SceneModel
@@ -64,21 +64,15 @@ class MujocoBackend:
             BackendError: the backend is not open, or the simulation diverged (cure: reset).
         """
         self._require_open()
-        model, data = self._model, self._data
-        model.actuator_biasprm[self._actuators, 1] = -command.stiffness
-        model.actuator_biasprm[self._actuators, 2] = -command.damping
-        data.ctrl[self._actuators] = command.stiffness * command.position + command.damping * command.velocity + command.torque
-        velocity_before = data.qvel[self._dofs]
+        self._drives.act(command)
+        if self.wrenches.acting:
+            self._update_kinematics()
         self.wrenches.apply()
-        mujoco.mj_step(model, data)
-        if not np.abs(data.qvel).max() < DIVERGED_SPEED:  # NaN is not
+        mujoco.mj_step(self._model, self._data)
+        if not largest_speed(self._qvel) < DIVERGED_SPEED:
             raise BackendError("the simulation diverged; reset it")
-        self._update_kinematics()
-        torque = data.actuator_force[self._actuators]
-        # Implicit damping acts on the velocity at the end of the tick, except in a drive that is clipped at its limit.
-        free = np.abs(torque) < self._torque_limit
-        torque -= free * command.damping * (data.qvel[self._dofs] - velocity_before)
-        self._sense(torque)
+        self._kinematics_are_current = False
+        self._sense(self._drives.torques(command))
 
     def touches_itself(self) -> bool:
         """Whether two bodies of the robot press on each other, for evaluation."""
@@ -87,6 +81,7 @@ class MujocoBackend:
     def truth(self) -> GroundTruth:
         """Ground truth at the end of the last tick; forces are those that acted during it."""
         self._require_open()
+        self._update_kinematics()
         return self._truth.read()
 
     def reset(self, seed: int | None = None, keyframe: str = "stand") -> None:
@@ -105,14 +100,15 @@ class MujocoBackend:
         model, data = self._model, self._data
         mujoco.mj_resetData(model, data)
         # Gains of the last command would leave their mark on the first solution, from which the solver starts.
-        model.actuator_biasprm[self._actuators] = 0.0
+        self._drives.release()
         self.wrenches.clear()
         data.qpos[self._positions] = KEYFRAMES[keyframe]
         mujoco.mj_kinematics(model, data)
         data.qpos[2] -= self._truth.lowest_wheel_points()[:, 2].min()
         mujoco.mj_forward(model, data)
+        self._kinematics_are_current = True
         self._sensors = SensorModel(self._sensor_config, self._seed, model.opt.timestep)
-        self._imu_velocity = np.zeros(3)
+        self._ideal_sensors.reset()
         self._sense(np.zeros(JOINT_COUNT))
 
     @property
@@ -122,7 +118,8 @@ class MujocoBackend:
 
     @property
     def data(self) -> mujoco.MjData:
-        """State of the simulation; for evaluation, never for the pipeline."""
+        """State of the simulation after the last tick; for evaluation, never for the pipeline. Ask anew after a tick."""
+        self._update_kinematics()
         return self._data
 
     @property
@@ -183,57 +180,38 @@ class MujocoBackend:
         model = self._model = scene.model
         # Without this MuJoCo would answer a divergence with a silent reset.
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
-        joints = [model.joint(joint) for joint in JOINT_NAMES]
-        self._positions = np.array([joint.qposadr[0] for joint in joints])
-        self._dofs = np.array([joint.dofadr[0] for joint in joints])
-        self._actuators = np.array([model.actuator(joint).id for joint in JOINT_NAMES])
-        self._torque_limit = model.actuator_forcerange[self._actuators, 1].copy()
-        self._base = model.body("base").id
-        self._imu = model.site("imu").id
-        self._imu_twist = np.zeros(6)
-        self._make_drives_affine()
+        self._positions = np.array([model.joint(joint).qposadr[0] for joint in JOINT_NAMES])
         data = self._data = mujoco.MjData(model)
+        self._qvel = data.qvel
+        self._drives, self._ideal_sensors = Drives(model, data), IdealSensors(model, data)
         self.wrenches = AppliedWrenches(model, data)
         self._truth = GroundTruthReader(model, data, self._scene.robot_bodies, self._scene.movable_bodies)
         self._nominal = NominalParameters(model, self._scene.robot_bodies)
         self._nominal.apply(model, self._mismatch)
         self.reset()
 
-    def _make_drives_affine(self) -> None:
-        model, drives = self._model, self._actuators
-        model.actuator_gaintype[drives] = mujoco.mjtGain.mjGAIN_FIXED
-        model.actuator_biastype[drives] = mujoco.mjtBias.mjBIAS_AFFINE
-        model.actuator_gainprm[drives] = 0.0
-        model.actuator_gainprm[drives, 0] = 1.0
-        model.actuator_biasprm[drives] = 0.0
-        model.actuator_ctrllimited[drives] = 0
-
     def _update_kinematics(self) -> None:
         # mj_step leaves poses and velocities of the tick's start; wrenches and truth need those of its end.
-        mujoco.mj_kinematics(self._model, self._data)
-        mujoco.mj_comPos(self._model, self._data)
-        mujoco.mj_comVel(self._model, self._data)
+        if not self._kinematics_are_current:
+            mujoco.mj_kinematics(self._model, self._data)
+            mujoco.mj_comPos(self._model, self._data)
+            mujoco.mj_comVel(self._model, self._data)
+            self._kinematics_are_current = True
 
     def _sense(self, torque: np.ndarray) -> None:
-        data = self._data
-        mujoco.mj_objectVelocity(self._model, data, mujoco.mjtObj.mjOBJ_SITE, self._imu, self._imu_twist, 0)
-        imu_velocity = self._imu_twist[3:].copy()
-        # The mean over the tick, so that it integrates to the change of velocity under implicit integration too.
-        acceleration = (imu_velocity - self._imu_velocity) / self._model.opt.timestep
-        acceleration[2] += GRAVITY_MPS2
-        self._imu_velocity = imu_velocity
-        self._frame = self._sensors.measure(
-            SensorFrame(
-                time_s=data.time,
-                orientation_wxyz=data.qpos[3:7].copy(),
-                angular_velocity=data.qvel[3:6].copy(),
-                linear_acceleration=acceleration @ data.xmat[self._base].reshape(3, 3),
-                joint_position=data.qpos[self._positions],
-                joint_velocity=data.qvel[self._dofs],
-                joint_torque=torque,
-            )
-        )
+        self._frame = self._sensors.measure(self._data.time, self._ideal_sensors.read(torque))
 
     def _require_open(self) -> None:
         if not self._opened:
             raise BackendError("the simulation is not open; call open() first")
+
+
+@kernel("f8(f8[::1])")
+def largest_speed(qvel: np.ndarray) -> float:
+    """max |dq|, or not a number where one of them is not."""
+    largest = 0.0
+    for speed in qvel:
+        if math.isnan(speed):
+            return speed
+        largest = max(largest, abs(speed))
+    return largest

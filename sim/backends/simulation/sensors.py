@@ -12,6 +12,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from control.joints import JOINT_COUNT
+from control.kernels.compiled import kernel
 from control.timing import TICK_S
 from control.types import SensorFrame
 
@@ -21,6 +22,10 @@ _TORQUE = slice(2 * JOINT_COUNT, 3 * JOINT_COUNT)
 _GYRO = slice(3 * JOINT_COUNT, 3 * JOINT_COUNT + 3)
 _ACCELERATION = slice(3 * JOINT_COUNT + 3, 3 * JOINT_COUNT + 6)
 _CHANNELS = 3 * JOINT_COUNT + 6
+_ORIENTATION = slice(_CHANNELS, _CHANNELS + 4)
+SAMPLE_SIZE = _CHANNELS + 4
+"""Numbers of a sample: joint positions, velocities and torques, angular velocity, linear acceleration, then the orientation."""
+
 _NOISE_BLOCK = 32
 
 
@@ -108,39 +113,34 @@ class SensorModel:
         self._pending: deque[SensorFrame] = deque()
         self._torques: deque[np.ndarray] = deque(maxlen=config.torque_delay_ticks + 1)
 
-    def measure(self, ideal: SensorFrame) -> SensorFrame:
-        """What arrives at the tick of `ideal`: the distorted frame of `delay_ticks` ticks ago (the oldest one at start)."""
-        self._pending.append(self._distort(ideal))
-        if len(self._pending) > self.config.delay_ticks + 1:
+    def measure(self, time_s: float, ideal: np.ndarray) -> SensorFrame:
+        """What arrives at this tick: the distorted frame of `delay_ticks` ticks ago (the oldest one at start).
+
+        Args:
+            time_s: of this tick.
+            ideal: (SAMPLE_SIZE,) of this tick.
+        """
+        config = self.config
+        if config.torque_delay_ticks:
+            self._torques.append(ideal[_TORQUE].copy())
+            ideal[_TORQUE] = self._torques[0]
+        measured = np.empty(SAMPLE_SIZE)
+        _distort(
+            ideal,
+            self._scale,
+            self._offset,
+            self._next_noise(),
+            config.joint_position_quantum,
+            config.joint_torque_quantum,
+            self._attitude_bias,
+            self._drift_decay,
+            self._attitude_drift,
+            measured,
+        )
+        self._pending.append(frame_of(time_s, measured))
+        if len(self._pending) > config.delay_ticks + 1:
             self._pending.popleft()
         return self._pending[0]
-
-    def _distort(self, ideal: SensorFrame) -> SensorFrame:
-        config = self.config
-        noise = self._next_noise()
-        self._torques.append(ideal.joint_torque)
-        joint_torque = self._torques[0]
-        values = np.concatenate(
-            (ideal.joint_position, ideal.joint_velocity, joint_torque, ideal.angular_velocity, ideal.linear_acceleration)
-        )
-        values *= self._scale
-        values += self._offset
-        values += noise[:_CHANNELS]
-        position, torque = values[_POSITION], values[_TORQUE]
-        if config.joint_position_quantum:
-            position[:] = config.joint_position_quantum * np.rint(position / config.joint_position_quantum)
-        if config.joint_torque_quantum:
-            torque[:] = config.joint_torque_quantum * np.rint(torque / config.joint_torque_quantum)
-        self._attitude_drift = self._drift_decay * self._attitude_drift + noise[_CHANNELS:]
-        return SensorFrame(
-            time_s=ideal.time_s,
-            orientation_wxyz=_turned(ideal.orientation_wxyz, self._attitude_bias + self._attitude_drift),
-            angular_velocity=values[_GYRO],
-            linear_acceleration=values[_ACCELERATION],
-            joint_position=position,
-            joint_velocity=values[_VELOCITY],
-            joint_torque=torque,
-        )
 
     def _next_noise(self) -> np.ndarray:
         if self._noise_row == _NOISE_BLOCK:
@@ -152,10 +152,70 @@ class SensorModel:
         return row
 
 
-def _turned(orientation_wxyz: np.ndarray, small_angle: np.ndarray) -> np.ndarray:
-    """Orientation (4,) wxyz turned by a small rotation vector (3,) rad in its own frame. On floats, which is faster here."""
-    w, x, y, z = orientation_wxyz.tolist()
-    a, b, c = (0.5 * small_angle).tolist()
-    turned = (w - x * a - y * b - z * c, x + w * a + y * c - z * b, y + w * b + z * a - x * c, z + w * c + x * b - y * a)
-    norm = math.sqrt(sum(value * value for value in turned))
-    return np.array(turned) / norm
+def frame_of(time_s: float, sample: np.ndarray) -> SensorFrame:
+    """The frame of a sample (SAMPLE_SIZE,), in its memory."""
+    return SensorFrame(
+        time_s=time_s,
+        orientation_wxyz=sample[_ORIENTATION],
+        angular_velocity=sample[_GYRO],
+        linear_acceleration=sample[_ACCELERATION],
+        joint_position=sample[_POSITION],
+        joint_velocity=sample[_VELOCITY],
+        joint_torque=sample[_TORQUE],
+    )
+
+
+@kernel("f8(f8, f8)")
+def _quantised(value: float, quantum: float) -> float:
+    """The nearest whole number of quanta; `value` itself where the quantum is 0."""
+    return quantum * np.rint(value / quantum) if quantum > 0.0 else value
+
+
+@kernel("void(vector, f8[::1], f8[::1])")
+def _turn(orientation_wxyz: np.ndarray, small_angle: np.ndarray, turned: np.ndarray) -> None:
+    """An orientation (4,) turned by a small rotation vector (3,) rad in its own frame, into `turned` (4,)."""
+    w, x, y, z = orientation_wxyz
+    a, b, c = 0.5 * small_angle[0], 0.5 * small_angle[1], 0.5 * small_angle[2]
+    turned[0] = w - x * a - y * b - z * c
+    turned[1] = x + w * a + y * c - z * b
+    turned[2] = y + w * b + z * a - x * c
+    turned[3] = z + w * c + x * b - y * a
+    turned /= math.sqrt(turned[0] ** 2 + turned[1] ** 2 + turned[2] ** 2 + turned[3] ** 2)
+
+
+@kernel("void(f8[::1], f8[::1], f8[::1], f8[::1], f8, f8, f8[::1], f8, f8[::1], f8[::1])")
+def _distort(
+    ideal: np.ndarray,
+    scale: np.ndarray,
+    offset: np.ndarray,
+    noise: np.ndarray,
+    position_quantum: float,
+    torque_quantum: float,
+    attitude_bias: np.ndarray,
+    drift_decay: float,
+    attitude_drift: np.ndarray,
+    measured: np.ndarray,
+) -> None:
+    """measured = quantise(scale * ideal + offset + noise) per channel, and the attitude turned by its error.
+
+    Args:
+        ideal: (SAMPLE_SIZE,).
+        scale, offset: (72,) of the channels, that is of the sample without the orientation.
+        noise: (75,) of this tick: of the channels, then the step of the attitude's drift.
+        position_quantum, torque_quantum: rad, N m.
+        attitude_bias: (3,) rad.
+        drift_decay: factor on the drift per tick.
+        attitude_drift: (3,) rad, moved on.
+        measured: (SAMPLE_SIZE,) the result.
+    """
+    channels = len(scale)
+    for channel in range(channels):
+        measured[channel] = ideal[channel] * scale[channel] + offset[channel] + noise[channel]
+    for joint in range(JOINT_COUNT):
+        measured[joint] = _quantised(measured[joint], position_quantum)
+        measured[2 * JOINT_COUNT + joint] = _quantised(measured[2 * JOINT_COUNT + joint], torque_quantum)
+    error = np.empty(3)
+    for i in range(3):
+        attitude_drift[i] = drift_decay * attitude_drift[i] + noise[channels + i]
+        error[i] = attitude_bias[i] + attitude_drift[i]
+    _turn(ideal[channels:], error, measured[channels:])

@@ -6,6 +6,7 @@ from typing import Protocol
 import numpy as np
 
 FRAMES = ("world", "heading", "body")
+"""In the order of sim.backends.simulation.pulses."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +31,7 @@ class BodyState:
 
 
 class WrenchSource(Protocol):
-    """One contribution. `body` names the body, `point_m` (3,) the application point in that body's frame."""
+    """One contribution other than a Pulse. `body` names the body, `point_m` (3,) the application point in that body's frame."""
 
     @property
     def body(self) -> str: ...
@@ -89,24 +90,12 @@ class Pulse:
         if not 0 <= self.ramp_s <= 0.5 * self.duration_s:
             raise ValueError(f"ramp_s is {self.ramp_s}; the range is 0 to half of duration_s ({0.5 * self.duration_s})")
 
-    def integral(self, age_s: float) -> float:
-        """Integral of the profile (0 to 1) from its start to `age_s`, s."""
-        ramp, duration = self.ramp_s, self.duration_s
-        age = min(max(age_s, 0.0), duration)
-        rising = min(age, ramp)
-        falling = max(age - (duration - ramp), 0.0)
-        area = age - rising
-        if ramp > 0:
-            area += 0.5 * rising * rising / ramp - 0.5 * falling * falling / ramp
-        return area
-
-    def wrench(self, state: BodyState, age_s: float) -> tuple[np.ndarray, np.ndarray]:
-        """See WrenchSource."""
-        level = (self.integral(age_s + state.period_s) - self.integral(age_s)) / state.period_s
-        if self.frame == "world":
-            return level * self.force_n, level * self.torque_nm
-        rotation = state.rotation_heading_to_world if self.frame == "heading" else state.rotation_body_to_world
-        return level * (rotation @ self.force_n), level * (rotation @ self.torque_nm)
+    def row(self, start_s: float, body: int) -> np.ndarray:
+        """(ROW,) numbers for sim.backends.simulation.pulses, started at `start_s` on a body."""
+        frame = FRAMES.index(self.frame)
+        return np.array(
+            [start_s, self.duration_s, self.ramp_s, frame, body, *self.force_n, *self.torque_nm, *self.point_m], dtype=float
+        )
 
 
 @dataclass(frozen=True)

@@ -25,8 +25,15 @@ def test_a_force_axis_turns_to_force_control_as_contact_builds_up_in_either_dire
 
 
 def test_a_force_within_the_noise_needs_no_contact():
-    assert share(1.0, 0.0, 0.0) == share(1.0, NOISE_N / SHARE, 0.0) == 1.0
+    assert share(1.0, NOISE_N / SHARE, 0.0) == 1.0
     assert share(1.0, 1.01 * NOISE_N / SHARE, 0.0) == 0.0
+
+
+def test_an_axis_that_is_asked_for_no_force_yields_to_what_is_more_than_noise():
+    assert share(1.0, 0.0, 0.0) == share(1.0, 0.0, NOISE_N) == share(1.0, 0.0, -NOISE_N) == 0.0
+    assert share(1.0, 0.0, 1.5 * NOISE_N) == share(1.0, 0.0, -1.5 * NOISE_N) == 0.5
+    assert share(1.0, 0.0, 2.0 * NOISE_N) == share(1.0, 0.0, -40.0) == 1.0
+    assert share(0.0, 0.0, 40.0) == 0.0
 
 
 def test_contact_can_be_taken_for_granted():

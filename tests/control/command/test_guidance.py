@@ -93,7 +93,8 @@ def test_centring_force_is_continuous_and_along_the_displacement():
     assert np.array_equal(forces[:, [0, 2]], np.zeros((301, 2)))
     steps = np.diff(forces[:, 1])
     assert np.all(steps > 0.0)
-    assert steps.max() < 1.01 * CONFIG.stretch_stiffness * 1e-3
+    assert steps.max() < 1.01 * (CONFIG.stretch_stiffness + CONFIG.end_stiffness) * 1e-3
+    assert centring(0.0, 0.3, 0.0)[1] > 40.0, "a firm pull stretches the arm by less than 30 cm"
 
 
 def test_entering_far_from_the_comfortable_place_starts_without_force_and_glides_there():

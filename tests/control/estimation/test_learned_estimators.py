@@ -9,7 +9,7 @@ import pytest
 from control.estimation.base_state import BaseStateConfig, BaseStateEstimator
 from control.estimation.force_estimator import EstimatorInput
 from control.estimation.networks.force_features import HYBRID_GROUPS, PAPER_GROUPS, feature_names
-from control.estimation.networks.force_network import ForceNetwork, NetworkManifest
+from control.estimation.networks.force_network import ForceNetwork, NetworkManifest, SampleError
 from control.estimation.networks.force_signals import signals_at
 from control.estimation.networks.learned_estimators import LearnedEstimator
 from control.estimation.networks.network_weights import WeightsError, load_network, save_network
@@ -149,6 +149,38 @@ def test_sharing_a_nominal_estimator_does_not_disturb_it(weights: Path) -> None:
         ours, theirs = shared[name].estimate(), alone[name].estimate()
         np.testing.assert_array_equal(ours.force_estimated_n, theirs.force_estimated_n)
         assert ours.mass_scale == theirs.mass_scale
+
+
+@pytest.mark.parametrize("name", ["tcn", "hybrid_paper"])
+def test_a_broken_frame_at_a_networks_step_holds_its_force_says_so_and_is_forgotten_at_the_next_step(
+    weights: Path, name: str
+) -> None:
+    robot = Robot()
+    learned = make_estimators(robot.model, EstimatorsConfig(weights=weights))[name]
+    estimates = []
+    for tick in range(40):
+        inputs = robot.tick()
+        if tick == 20:
+            broken = inputs.sensor.joint_velocity.copy()
+            broken[3] = np.nan
+            inputs = replace(inputs, sensor=replace(inputs.sensor, joint_velocity=broken))
+        learned.observe(inputs)
+        if tick % 10 == 0:
+            estimates.append(learned.estimate())
+    assert [estimate.stale for estimate in estimates] == [False, False, True, False]
+    if name == "tcn":
+        np.testing.assert_array_equal(estimates[2].force_estimated_n, estimates[1].force_estimated_n)
+    assert all(np.isfinite(estimate.force_estimated_n).all() for estimate in estimates)
+
+
+def test_a_network_whose_first_step_is_broken_gives_no_estimate_and_starts_with_the_next(weights: Path) -> None:
+    robot = Robot()
+    tcn = make_estimators(robot.model, EstimatorsConfig(weights=weights))["tcn"]
+    tcn.observe(replace(robot.tick(), mask=np.full(3, np.nan)))
+    with pytest.raises(SampleError, match="mask"):
+        tcn.estimate()
+    tcn.observe(robot.tick())
+    assert not tcn.estimate().stale
 
 
 def test_reset_forgets_the_window(weights: Path) -> None:

@@ -1,5 +1,6 @@
 """Compiled kernels are never stale, and are kept or not, wherever they may be kept: each case in processes of its own."""
 
+import importlib
 import os
 import subprocess
 import sys
@@ -153,6 +154,27 @@ def test_machine_code_that_nothing_loads_any_more_is_removed(package: Path) -> N
     run(package, COMPILE_ALL)
     assert not old.exists()
     assert current < set(kernels.iterdir())
+
+
+KERNELS_LOADED = """
+import sys
+import sim.runtime.simulation
+modules = [module for name, module in list(sys.modules.items()) if name.startswith(("control.", "sim."))]
+kernels = {id(f): f for module in modules for f in vars(module).values() if hasattr(f, "stats") and hasattr(f, "py_func")}
+stats = [f.stats for f in kernels.values()]
+print(sum(sum(s.cache_misses.values()) for s in stats), sum(bool(s.cache_hits) for s in stats) == len(stats) > 50)
+"""
+"""Prints how many of the simulation's kernels had to be compiled, and whether all others were loaded."""
+
+
+@COMPILED
+def test_a_later_start_of_the_simulation_compiles_nothing(tmp_path: Path) -> None:
+    importlib.import_module("sim.runtime.simulation")
+    script = tmp_path / "script.py"
+    script.write_text(KERNELS_LOADED)
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    answer = subprocess.run([sys.executable, script], env=environment, capture_output=True, text=True, check=True)
+    assert answer.stdout.split() == ["0", "True"]
 
 
 @COMPILED

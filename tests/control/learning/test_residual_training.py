@@ -98,7 +98,7 @@ def test_exported_weights_run_as_they_were_trained(data: Path, tmp_path: Path, n
     signals = rollout.signals(TARGETS[name].features_from)
     sigmas = []
     for step in range(SETTLE_STEPS + 30):
-        force, sigma = network.step(type(signals)(**{f: getattr(signals, f)[step] for f in type(signals).__dataclass_fields__}))
+        force, sigma = network.step(signals[step : step + 1])
         window, _, _ = training.validation_set.windows(torch.tensor([0]), torch.tensor([step]))
         with torch.no_grad():
             raw = training.module(window)[0, :3].numpy()
@@ -156,7 +156,7 @@ def test_increments_are_changes_from_the_step_before_and_the_rest_are_levels(dat
     rollout = load_split(data, "validation")[0]
     values, force = raw_features(rollout, target), rollout.arrays["adaptive.force"]
     assert not values[0, :3].any()
-    np.testing.assert_array_equal(values[1:, :3], np.diff(force, axis=0))
+    np.testing.assert_array_equal(values[1:, :3], np.diff(force.astype(float), axis=0))
     np.testing.assert_allclose(values[:, -1], np.linalg.norm(force, axis=1), rtol=1e-6)
 
 

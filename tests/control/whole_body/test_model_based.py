@@ -119,7 +119,8 @@ def test_a_commanded_force_is_fed_forward_through_the_jacobian(model):
 def test_a_correction_moves_position_axes_presses_force_axes_and_turns_the_hand(model):
     tick = inputs(model)
     mask = np.array([0.0, 0.0, 1.0])
-    tick = replace(tick, command=hand_command(tick, mask=mask))
+    pressed = 10.0 * mask
+    tick = replace(tick, command=hand_command(tick, mask=mask, force_n=pressed), force_estimated_n=pressed)
     velocity, force, turn = np.array([0.03, -0.02, 0.04]), np.array([5.0, 4.0, -3.0]), np.array([0.1, -0.05, 0.08])
     config = replace(ArmConfig(), damping=1e-6)
     plain, corrected = (Law(RobotModel(), ModelBasedConfig(arm=config)) for _ in range(2))

@@ -19,6 +19,7 @@ import pytest
 from sim.backends.hardware.backend import HardwareBackend
 from sim.backends.hardware.config import HardwareConfig
 from sim.backends.hardware.limits import HardwareLimits
+from sim.backends.hardware.mailbox import Answer
 from sim.backends.hardware.records import IoMemory, memory_path
 from sim.backends.hardware.remote import HardwareRemote
 from sim.backends.hardware.states import DriveState, Request, Trip
@@ -176,6 +177,26 @@ def test_operator_silent_then_nobody_left(stage: Stage) -> None:
     assert stage.control is not None
     stage.control.kill()
     wait_for(lambda: not memory_path(stage.config).exists())  # at rest and orphaned: it ends
+
+
+def test_without_its_shared_memory_it_hears_an_estop_damps_and_lets_go(stage: Stage) -> None:
+    stage.drive()
+    memory_path(stage.config).unlink()
+    remote = HardwareRemote(stage.config)
+    assert remote.status() is None
+    wait_for(lambda: remote.report() == Answer(DriveState.POLICY, True))
+    with pytest.raises(BackendError, match="another control process drives this robot"):
+        HardwareBackend(stage.config).open()
+    assert stage.control is not None
+    stage.control.kill()
+    remote.estop()
+    wait_for(stage.damped)
+    wait_for(lambda: (report := remote.report()) is None or report.state == DriveState.FAULT)
+    successor = HardwareBackend(stage.config)
+    successor.open()  # waits until its predecessor has let go
+    assert successor.io_pid != stage.io_pid
+    successor.close()
+    wait_for(lambda: not memory_path(stage.config).exists())
 
 
 def test_signals(stage: Stage) -> None:

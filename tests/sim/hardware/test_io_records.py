@@ -1,8 +1,12 @@
 """Shared memory between control and I/O process, and the single-writer lock."""
 
 import os
+import shutil
+import socket
+import stat
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -10,9 +14,9 @@ import pytest
 
 from sim.backends.hardware.config import HardwareConfig
 from sim.backends.hardware.io.loop import HEALTH_EVERY, IoLoop
-from sim.backends.hardware.io.writer_lock import WriterLock
 from sim.backends.hardware.limits import HardwareLimits
-from sim.backends.hardware.records import IO_COMMAND, IO_STATE, IoMemory, lock_path, memory_path
+from sim.backends.hardware.mailbox import Answer, Mailbox, Order, ask, mailbox_name
+from sim.backends.hardware.records import IO_COMMAND, IO_STATE, IoMemory, memory_path
 from sim.backends.hardware.states import DriveState, Request, Trip
 from sim.backends.hardware.status import HardwareStatus, status_from_record
 from sim.backends.protocol import BackendError
@@ -98,16 +102,101 @@ def test_the_estop_byte_is_taken_once(rig: Rig, tmp_path: Path) -> None:
     assert not anybody.estop and rig.wire.log == []  # not ours yet, so nothing is sent even now
 
 
-def test_the_lock_is_exclusive_and_dies_with_its_holder(tmp_path: Path) -> None:
-    path = tmp_path / "lock"
-    code = "from pathlib import Path; from sim.backends.hardware.io.writer_lock import WriterLock; import sys, time\n"
-    code += f"lock = WriterLock(Path({str(path)!r})); sys.stdout.write('held'); sys.stdout.flush(); time.sleep(60)"
-    with subprocess.Popen([sys.executable, "-c", code], cwd=ROOT, stdout=subprocess.PIPE) as holder:
-        assert holder.stdout is not None and holder.stdout.read(4) == b"held"
+@pytest.fixture
+def name() -> str:
+    """Of a mailbox of this test alone."""
+    return f"forcelens-test-{os.getpid()}"
+
+
+def hold(name: str, **environment: str) -> subprocess.Popen[bytes]:
+    """A process that holds a mailbox and answers nothing."""
+    code = "from sim.backends.hardware.mailbox import Mailbox; import sys, time\n"
+    code += f"mailbox = Mailbox({name!r}); sys.stdout.write('held'); sys.stdout.flush(); time.sleep(60)"
+    holder = subprocess.Popen([sys.executable, "-c", code], cwd=ROOT, stdout=subprocess.PIPE, env=os.environ | environment)
+    assert holder.stdout is not None and holder.stdout.read(4) == b"held"
+    return holder
+
+
+def test_the_lock_is_exclusive_whatever_tmpdir_says_and_dies_with_its_holder(name: str, tmp_path: Path) -> None:
+    with hold(name, TMPDIR=str(tmp_path)) as holder:
         with pytest.raises(BackendError, match=f"process {holder.pid} already commands"):
-            WriterLock(path)
+            Mailbox(name)
         holder.kill()
-    WriterLock(path).close()
+    Mailbox(name).close()
+
+
+def test_orders_are_taken_and_answered(name: str) -> None:
+    assert ask(name, Order.REPORT) is None
+    mailbox = Mailbox(name)
+    with ThreadPoolExecutor(1) as pool:
+        asking = pool.submit(ask, name, Order.ESTOP, 20.0)
+        while not (orders := mailbox.take()):
+            pass
+        assert [order for order, _ in orders] == [Order.ESTOP]
+        mailbox.answer(orders[0][1], Answer(DriveState.FAULT, True))
+        assert asking.result() == Answer(DriveState.FAULT, True)
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as stranger:
+        stranger.sendto(b"nonsense", f"\0{name}")
+        stranger.sendto(b"e" * 5000, f"\0{name}")
+    assert mailbox.take() == []
+    mailbox.close()
+
+
+@pytest.mark.skipif(os.geteuid() != 0 or shutil.which("setpriv") is None, reason="needs root to be two users")
+def test_a_stranger_gives_no_orders_and_no_answers_and_his_lock_holds_too(name: str) -> None:
+    stranger = ["setpriv", "--reuid=65534", "--regid=65534", "--clear-groups", "/usr/bin/env", "python3", "-c"]
+    send = f"import socket; socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM).sendto(b'estop', '\\0{name}')"
+    mailbox = Mailbox(name)
+    subprocess.run([*stranger, send], check=True)
+    assert mailbox.take() == []
+    mailbox.close()
+    answer = f"import socket, sys; s = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM); s.bind('\\0{name}')\n"
+    answer += (
+        "print('held', flush=True); sender = s.recvfrom(16)[1]; s.sendto(bytes([7, 1]), sender); print('sent', flush=True)"
+    )
+    with subprocess.Popen([*stranger, answer], stdout=subprocess.PIPE) as holder:
+        assert holder.stdout is not None and holder.stdout.readline() == b"held\n"
+        with pytest.raises(BackendError, match="already commands"):
+            Mailbox(name)
+        assert ask(name, Order.REPORT, 20.0) is None
+        assert holder.stdout.readline() == b"sent\n"
+
+
+def test_memory_lies_in_a_folder_of_this_user_alone(tmp_path: Path) -> None:
+    folder = tmp_path / "forcelens"
+    memory = IoMemory(folder / "memory", create=True)
+    assert stat.S_IMODE(folder.stat().st_mode) == 0o700
+    assert memory.has_name
+    (folder / "memory").unlink()
+    assert not memory.has_name
+    folder.chmod(0o755)
+    with pytest.raises(BackendError, match="open to others"):
+        IoMemory(folder / "memory", create=True)
+
+
+def test_links_that_others_planted_are_not_followed(tmp_path: Path) -> None:
+    victim = tmp_path / "victim"
+    victim.mkdir(0o700)
+    (tmp_path / "link").symlink_to(victim)
+    with pytest.raises(BackendError, match="no folder of this user"):
+        IoMemory(tmp_path / "link" / "memory", create=True)
+    (victim / "file").write_text("precious")
+    folder = tmp_path / "forcelens"
+    folder.mkdir(0o700)
+    (folder / "memory").symlink_to(victim / "file")
+    with pytest.raises(BackendError, match="cannot be opened"):
+        IoMemory(folder / "memory")
+    IoMemory(folder / "memory", create=True)
+    assert not (folder / "memory").is_symlink()
+    assert (victim / "file").read_text() == "precious"
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="needs root to be two users")
+def test_a_folder_of_another_user_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "forcelens").mkdir(0o700)
+    os.chown(tmp_path / "forcelens", 65534, 65534)
+    with pytest.raises(BackendError, match="belongs to user 65534"):
+        IoMemory(tmp_path / "forcelens" / "memory", create=True)
 
 
 def test_configuration_survives_the_command_line() -> None:
@@ -115,8 +204,9 @@ def test_configuration_survives_the_command_line() -> None:
         DdsConfig(0, "eth1", allow_robot=True), Z1Config("192.168.123.220"), HardwareLimits(tilt_damp_rad=0.9), dry_run=False
     )
     assert HardwareConfig.from_json(config.to_json()) == config
-    assert memory_path(config) != memory_path(HardwareConfig()) and lock_path(config) != lock_path(HardwareConfig())
-    assert str(os.getuid()) in memory_path(config).name
+    assert memory_path(config) != memory_path(HardwareConfig())
+    assert mailbox_name(config) != mailbox_name(HardwareConfig())
+    assert str(os.getuid()) in memory_path(config).parent.name
 
 
 def test_a_dry_run_is_the_default_and_a_remote_arm_needs_consent() -> None:

@@ -16,7 +16,7 @@ CONTEXT = multiprocessing.get_context("spawn")
 
 @pytest.fixture
 def shared() -> SharedRecord:
-    return SharedRecord(shared_record.allocate(CONTEXT, RECORD), RECORD)
+    return SharedRecord(shared_record.allocate(RECORD), RECORD)
 
 
 def numbered(count: int) -> np.ndarray:
@@ -50,7 +50,7 @@ def test_a_record_comes_back_and_is_a_copy(shared: SharedRecord) -> None:
 
 
 def test_two_processes_never_tear_a_record() -> None:
-    memory = shared_record.allocate(CONTEXT, RECORD)
+    memory = shared_record.allocate(RECORD)
     shared = SharedRecord(memory, RECORD)
     writer = CONTEXT.Process(target=write_for, args=(memory, 1.0))
     writer.start()

@@ -10,7 +10,7 @@ from control.frames import rotation_from_quaternion, rotation_heading_to_world
 from control.joints import ARM_SLICE, JOINT_COUNT, JOINT_NAMES, NOMINAL_POSITION, TORQUE_LIMIT, WHEEL_SLICE
 from control.timing import TICK_S
 from control.types import JointCommand
-from sim.backends.protocol import BackendError
+from sim.backends.protocol import BackendError, GroundTruth
 from sim.backends.simulation.drag_spring import DRAG_LIMIT_N
 from sim.backends.simulation.mismatch import Mismatch
 from sim.backends.simulation.mujoco_backend import MujocoBackend
@@ -141,6 +141,23 @@ def test_truth_leaves_out_what_the_robot_does_to_itself():
     mujoco.mj_forward(model, data)
     assert np.abs(data.cfrc_ext[model.body("end_effector").id]).max() > 1.0
     np.testing.assert_allclose(backend.truth().force_true_n, 0.0, atol=1e-9)
+
+
+def test_whether_anybody_looks_at_the_truth_changes_neither_it_nor_the_simulation(standing):
+    watched, command = standing("box")
+    unwatched, _ = standing("box")
+    for tick in range(60):
+        for backend in (watched, unwatched):
+            if tick in (20, 45):
+                backend.wrenches.add(Pulse(np.array([15.0, -5.0, 8.0]), duration_s=0.02, point_m=np.array([0.1, 0.0, 0.0])))
+            backend.write(command)
+        watched.truth()
+        if tick % 7 == 0:
+            np.testing.assert_array_equal(watched.data.cvel, unwatched.data.cvel)
+    np.testing.assert_array_equal(watched.data.qpos, unwatched.data.qpos)
+    ours, theirs = watched.truth(), unwatched.truth()
+    for name in GroundTruth.__slots__:
+        np.testing.assert_array_equal(getattr(ours, name), getattr(theirs, name), err_msg=name)
 
 
 def test_reset_repeats_exactly_and_another_seed_differs(standing):

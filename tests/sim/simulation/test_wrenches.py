@@ -6,7 +6,8 @@ import pytest
 
 from control.timing import TICK_S
 from sim.backends.simulation.applied_wrenches import MAX_SOURCES, AppliedWrenches
-from sim.backends.simulation.wrenches import BodyState, Pulse, Spring
+from sim.backends.simulation.pulses import BODY, HEADING, WORLD, profile_integral
+from sim.backends.simulation.wrenches import FRAMES, BodyState, Pulse, Spring
 
 CENTER_OF_MASS = np.array([0.05, -0.02, 0.03])
 _FLOATING = f"""
@@ -83,11 +84,10 @@ def test_the_moment_is_that_of_the_application_point(world):
 
 
 def test_profile_integral_matches_quadrature():
-    pulse = Pulse(np.ones(3), duration_s=0.5, ramp_s=0.2)
     times = np.linspace(0.0, 0.6, 6001)
     level = np.interp(times, [0.0, 0.2, 0.3, 0.5, 0.6], [0.0, 1.0, 1.0, 0.0, 0.0])
     area = np.concatenate([[0.0], np.cumsum(0.5 * (level[1:] + level[:-1]) * np.diff(times))])
-    np.testing.assert_allclose([pulse.integral(time) for time in times], area, atol=1e-7)
+    np.testing.assert_allclose([profile_integral(time, 0.5, 0.2) for time in times], area, atol=1e-7)
 
 
 def test_sources_add_up_and_each_expires_by_itself(world):
@@ -118,6 +118,41 @@ def test_many_overlapping_pulses_lose_nothing(world):
     np.testing.assert_allclose(world.momentum()[0], impulse, atol=1e-9)
 
 
+def test_as_many_as_are_allowed_act_as_the_sum_of_each_alone() -> None:
+    """In every frame, at random points and moments, on a robot that moves and turns."""
+    random = np.random.default_rng(3)
+    pulses = [
+        Pulse(
+            random.normal(0, 1, 3),
+            duration_s=random.uniform(0.01, 0.2),
+            torque_nm=random.normal(0, 0.1, 3),
+            point_m=random.normal(0, 0.2, 3),
+            body=("base", "end_effector")[number % 2],
+            frame=FRAMES[number % 3],
+            ramp_s=0.005 * (number % 2),
+        )
+        for number in range(MAX_SOURCES)
+    ]
+    together = World()
+    for pulse in pulses:
+        together.sources.add(pulse)
+    for _ in range(4):
+        together.run(7)
+        expected = np.zeros_like(together.data.xfrc_applied)
+        for pulse in pulses:
+            alone = World()
+            alone.data.qpos[:], alone.data.qvel[:] = together.data.qpos, together.data.qvel
+            alone.data.time = 0.0
+            mujoco.mj_forward(alone.model, alone.data)
+            alone.sources.add(pulse)
+            alone.data.time = together.data.time
+            alone.sources.apply()
+            expected += alone.data.xfrc_applied
+        together.sources.apply()
+        assert expected.any()
+        np.testing.assert_allclose(together.data.xfrc_applied, expected, atol=1e-12)
+
+
 def test_remove_ends_one_source_and_only_that(world):
     kept = world.sources.add(Pulse(np.array([1.0, 0.0, 0.0]), duration_s=1.0, frame="world"))
     gone = world.sources.add(Pulse(np.array([0.0, 1.0, 0.0]), duration_s=1.0, frame="world"))
@@ -143,6 +178,10 @@ def test_frames_of_a_force(world, frame, expected):
     mujoco.mj_forward(world.model, world.data)
     world.sources.add(Pulse(np.array([1.0, 0.0, 0.0]), duration_s=1.0, frame=frame))
     np.testing.assert_allclose(world.run(1)[0], expected, atol=1e-12)
+
+
+def test_frames_are_numbered_alike() -> None:
+    assert [FRAMES[index] for index in (WORLD, HEADING, BODY)] == ["world", "heading", "body"]
 
 
 def test_spring_is_the_virtual_pd_force_of_the_paper():

@@ -4,7 +4,8 @@
 When control, policy or page die or fall silent it damps the robot; it ends by itself only when nobody controls and the
 robot lies at rest.
 
-Signals: SIGUSR1 is an e-stop. SIGTERM and SIGINT damp, wait until the robot is at rest (at most 5 s), and end.
+Signals: SIGUSR1 is an e-stop. SIGTERM and SIGINT damp, wait until the robot is at rest (at most 5 s), and end. The same comes
+by mail (sim.backends.hardware.mailbox), also when the shared memory has been removed.
 
 It wakes with every state of the robot. When states stop it ticks by its own clock, so that damping reaches the wire at 500 Hz.
 """
@@ -24,18 +25,22 @@ from control.timing import TICK_S
 from sim.backends.hardware.config import HardwareConfig
 from sim.backends.hardware.io.loop import IoLoop
 from sim.backends.hardware.io.supervisor import Supervisor
-from sim.backends.hardware.io.writer_lock import WriterLock
-from sim.backends.hardware.records import IoMemory, lock_path, memory_path
+from sim.backends.hardware.mailbox import Answer, Mailbox, Order, mailbox_name
+from sim.backends.hardware.records import IoMemory, memory_path
 from sim.backends.hardware.robot import Robot
 from sim.backends.hardware.states import DriveState, Trip
 from sim.backends.protocol import BackendError
 from sim.backends.unitree.dds import DdsBaseLink
 from sim.processes.realtime import request_realtime
+from sim.processes.standard_streams import protect_standard_streams
 
 PATIENCE_S = 0.0035
 """A state this late is not waited for: the tick goes ahead without it."""
 
 END_AFTER_S = 5.0
+ORPHANED_S = 1.0
+"""Without a sign of life of a control process."""
+
 FIFO_PRIORITY = 30
 EXIT_REFUSED = 3
 _LOCK_CURRENT_AND_FUTURE = 3
@@ -49,14 +54,15 @@ class IoProcess:
     def __init__(self, config: HardwareConfig) -> None:
         """Raises BackendError when the robot is taken or its network cannot be used."""
         self.config = config
-        self._lock = WriterLock(lock_path(config))
+        self._mailbox = Mailbox(mailbox_name(config))
         # Before the network, whose receiving thread inherits it: on a busy machine states would come late without.
         self._realtime = request_realtime(FIFO_PRIORITY)
         model = RobotModel()
         robot = Robot(DdsBaseLink(config.base), config.arm, config.limits, config.dry_run, config.echo_tick)
         supervisor = Supervisor(config, robot, model.position_lower, model.position_upper)
         self._path = memory_path(config)
-        self.loop = IoLoop(config, robot, supervisor, IoMemory(self._path, create=True))
+        self._memory = IoMemory(self._path, create=True)
+        self.loop = IoLoop(config, robot, supervisor, self._memory)
         self._end_asked_s: float | None = None
         self._idle_since_s: float | None = None
 
@@ -74,13 +80,32 @@ class IoProcess:
         while True:
             link.wait(last + patience - time.monotonic())
             now = last = time.monotonic()
+            senders = self._take_orders()
             # Once states have stopped, its own clock keeps the rate.
             patience = PATIENCE_S if self.loop.tick(now, self._realtime) else TICK_S
+            answer = Answer(self.loop.supervisor.state, not self._orphaned(now))
+            for sender in senders:
+                self._mailbox.answer(sender, answer)
             if self._finished(now):
                 break
         self.loop.robot.close()
-        self._path.unlink(missing_ok=True)
-        self._lock.close()
+        if self._memory.has_name:
+            self._path.unlink(missing_ok=True)
+        self._mailbox.close()
+
+    def _take_orders(self) -> list[Any]:
+        """Obey what has come by mail; who is to be answered after the tick."""
+        senders = []
+        for order, sender in self._mailbox.take():
+            senders.append(sender)
+            if order is Order.ESTOP:
+                self._on_estop()
+            elif order is Order.END:
+                self._on_end()
+        return senders
+
+    def _orphaned(self, now: float) -> bool:
+        return now - self.loop.control_heard_s > ORPHANED_S
 
     def _finished(self, now: float) -> bool:
         supervisor = self.loop.supervisor
@@ -89,7 +114,11 @@ class IoProcess:
         resting = quiet or self.config.dry_run or supervisor.at_rest or gone
         if self._end_asked_s is not None:
             return resting or now - self._end_asked_s > END_AFTER_S
-        orphaned = now - self.loop.control_heard_s > 1.0
+        orphaned = self._orphaned(now)
+        if orphaned and not self._memory.has_name:
+            _log.error("the shared memory was removed, and with control silent nobody can command any more; ending")
+            self._on_end()
+            return False
         settled = quiet or (supervisor.state in (DriveState.DAMPED, DriveState.FAULT) and resting)
         if not (orphaned and settled):
             self._idle_since_s = None
@@ -104,7 +133,8 @@ class IoProcess:
     def _on_end(self, *_: Any) -> None:
         self.loop.signalled |= Trip.SIGNAL
         self.loop.ending = True
-        self._end_asked_s = time.monotonic()
+        if self._end_asked_s is None:
+            self._end_asked_s = time.monotonic()
 
 
 def _lock_memory() -> None:
@@ -121,6 +151,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--config", type=HardwareConfig.from_json, default=HardwareConfig(), help="HardwareConfig as JSON")
     options = parser.parse_args(arguments)
+    protect_standard_streams()
     logging.basicConfig(level=logging.INFO, format="%(name)s: %(levelname)s: %(message)s")
     try:
         process = IoProcess(options.config)

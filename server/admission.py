@@ -1,0 +1,97 @@
+"""How many calls and sockets are served, at once and per second. Whoever has passed access control may still be too many.
+
+The e-stop, and the question whether it may be pressed, are always served.
+"""
+
+import asyncio
+import time
+from collections.abc import Callable
+
+from starlette.responses import JSONResponse
+from starlette.types import ASGIApp, Receive, Scope, Send
+from starlette.websockets import WebSocket
+
+from server.crowd import ADMITTED
+
+MAX_CALLS = 128
+MAX_SOCKETS = 100
+"""Two per browser: state and scene."""
+
+MAX_RATE_HZ = 500.0
+"""Of all callers together."""
+
+MAX_BURST = 100.0
+LONGEST_WAIT_S = 0.01
+"""Few callers who ask without end are slowed to the rate. Many are refused, so that nobody waits long."""
+
+HOLD_BACK_S = 0.1
+"""The answer to a call above the rate is held back, or whoever calls without end would keep us busy with refusals."""
+
+ALWAYS_SERVED = frozenset({"/api/v1/estop", "/api/v1/estop/check"})
+
+
+class CallRate:
+    """Token bucket.
+
+    Args:
+        clock: monotonic time in s.
+    """
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock = clock
+        self._left = MAX_BURST
+        self._last_s = clock()
+
+    def wait_s(self) -> float | None:
+        """Count a call; how long it waits for its turn, None if that were too long: then it does not count."""
+        now = self._clock()
+        self._left = min(self._left + (now - self._last_s) * MAX_RATE_HZ, MAX_BURST)
+        self._last_s = now
+        wait_s = max(1.0 - self._left, 0.0) / MAX_RATE_HZ
+        if wait_s > LONGEST_WAIT_S:
+            return None
+        self._left -= 1.0
+        return wait_s
+
+
+class Admission:
+    """ASGI middleware: refuses with 429 what is too much."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+        self._open = {"http": 0, "websocket": 0}
+        self._rate = CallRate()
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        kind = scope["type"]
+        if kind not in self._open:
+            await self._app(scope, receive, send)
+            return
+        wait_s: float | None = 0.0
+        if scope["path"] not in ALWAYS_SERVED:
+            if self._open[kind] >= (MAX_CALLS if kind == "http" else MAX_SOCKETS):
+                await _refuse(scope, receive, send, "at once")
+                return
+            wait_s = self._rate.wait_s()
+            if wait_s is None:
+                await asyncio.sleep(HOLD_BACK_S)
+                await _refuse(scope, receive, send, f"per second, more than {MAX_RATE_HZ:g}")
+                return
+        scope.setdefault("state", {})[ADMITTED] = True
+        self._open[kind] += 1
+        try:
+            if wait_s > 0.0:
+                await asyncio.sleep(wait_s)
+            await self._app(scope, receive, send)
+        finally:
+            self._open[kind] -= 1
+
+
+async def _refuse(scope: Scope, receive: Receive, send: Send, too_many: str) -> None:
+    socket = scope["type"] == "websocket"
+    detail = f"too many sockets {too_many}; close some pages" if socket else f"too many calls {too_many}; ask again"
+    response = JSONResponse({"detail": detail}, status_code=429, headers={"Retry-After": "1"})
+    if socket:
+        await WebSocket(scope, receive, send).send_denial_response(response)
+    else:
+        await response(scope, receive, send)
