@@ -103,15 +103,17 @@ def way_back(arm: np.record, force_n: np.ndarray, anchor: np.ndarray, hand_posit
 
     Args:
         force_n: (3,) N, asked for.
-        anchor: (3,) m, where the hand was last asked to be: no box begins before it.
+        anchor: (3,) m, where the hand was when that began: no border lies before it.
         hand_position: (3,) m, in heading.
         back: (3,) the result.
     """
-    distance = 0.0
+    distance, begun = 0.0, 0.0
     for i in range(3):
         distance += (hand_position[i] - arm.shoulder[i]) ** 2
-    distance = math.sqrt(distance)
-    stretched = (distance - clip(distance, arm.nearest_m, arm.reach)) / max(distance, 1e-9)
+        begun += (anchor[i] - arm.shoulder[i]) ** 2
+    distance, begun = math.sqrt(distance), math.sqrt(begun)
+    beyond = distance - clip(distance, min(arm.nearest_m, begun), max(arm.reach, begun))
+    stretched = beyond / max(distance, 1e-9)
     for i in range(3):
         back[i] = 0.0
         if force_n[i] == 0.0:

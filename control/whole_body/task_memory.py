@@ -68,7 +68,7 @@ Fields:
     wheel_hold: rad, held wheel angle minus angle; zero while driving.
     steering_traction: N, mean push of the left wheels against the right ones.
     rest: m, where the hand was last moved to by a force on an axis that is asked for none.
-    anchor: m, reference of the last step in which the axis tracked its position.
+    anchor: m, where the hand was when the axis began to be asked for no force.
     reference, held: position reference and held wheel angles of the last step; started, standing: 1 or 0, of the last step.
 """
 
@@ -91,10 +91,9 @@ def _remember(config: np.record, signals: np.record, memory: np.record) -> None:
         last = memory.reference[i] if memory.started > 0.0 else position
         memory.reference_velocity[i] = (1.0 - on_force) * (position - last) / CONTROL_PERIOD_S
         memory.reference[i] = position
-        if on_force < 0.5 or memory.started == 0.0:
-            memory.anchor[i] = position
-            memory.rest[i] = position
-        elif command.force_n[i] != 0.0 or abs(signals.force_estimated_n[i]) > config.rest_force_n:
+        if on_force < 0.5 or command.force_n[i] != 0.0 or memory.started == 0.0:
+            memory.anchor[i] = memory.rest[i] = signals.hand_position[i]
+        elif abs(signals.force_estimated_n[i]) > config.rest_force_n:
             memory.rest[i] = signals.hand_position[i]
     memory.started = 1.0
 

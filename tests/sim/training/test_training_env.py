@@ -91,7 +91,7 @@ def test_every_robot_of_the_batch_is_taught_by_the_model_based_controller(model:
     for _ in range(60):
         expected = [controller.step(single_input(env, robot, model)) for robot, controller in enumerate(controllers)]
         action = env.teacher_action()
-        assert np.allclose(env.action_map.targets(action), expected, atol=1e-9)
+        assert np.allclose(action, env.action_map.actions(np.array(expected)), atol=1e-8)
         assert not env.step(action).done.any()
 
 
@@ -131,10 +131,12 @@ def test_teacher_stands_drives_and_regulates_force_in_the_training_world():
     env = make_env(count=64)
     falls, force, velocity = 0, [], []
     for _ in range(200):
+        # A hand that is asked for no force holds at a border, whatever pulls it there.
+        asked = env.signals["command"]["force_n"] != 0.0
         result = env.step(env.teacher_action())
         falls += int(result.state.fallen.sum())
         late = result.segment_s > 1.0
-        force.append(result.state.force_error[late][result.mask[late] > 0.5])
+        force.append(result.state.force_error[late][(result.mask[late] > 0.5) & asked[late]])
         velocity.append(result.state.velocity_error[late, 0])
     assert falls <= 3
     assert np.sqrt(np.mean(np.concatenate(force) ** 2)) < 5.0

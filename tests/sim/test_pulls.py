@@ -1,0 +1,34 @@
+"""A firm pull at the hand: the robot yields within a border, and stands."""
+
+import numpy as np
+import pytest
+
+from control.paths import WEIGHTS_DIRECTORY
+from sim.trials.pull import MODES, Pull, pull
+from sim.trials.trial import Trial, controller_setups
+
+POLICY = controller_setups(WEIGHTS_DIRECTORY)["policy"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize("direction", [(-1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (-1.0, 0.0, 1.0), (0.0, 0.0, -1.0)])
+def test_forty_newtons_fell_no_robot_and_press_no_arm_on_it(mode: str, direction: tuple[float, float, float]) -> None:
+    result = pull(Pull(POLICY, mode, 40.0, direction, 0.3, False, seed=611))
+    assert not result.fell and not result.self_contact
+    assert result.tilt_deg < 15.0
+    assert result.excursion_m < 0.55
+
+
+def test_an_untouched_hand_that_is_asked_for_no_force_stays() -> None:
+    trial = Trial(POLICY, seed=612)
+    start = trial.hand_in_heading
+    for _ in trial.run(MODES["zero_force"], 6.0):
+        assert np.linalg.norm(trial.hand_in_heading - start) < 0.05
+
+
+def test_jerks_come_one_after_another() -> None:
+    pulses = list(Pull(POLICY, "guidance", 20.0, (0.0, 3.0, 0.0), 0.05, True, seed=1).pulses())
+    starts = [start for start, _ in pulses]
+    assert len(pulses) == 4 and np.all(np.diff(starts) > pulses[0][1].duration_s)
+    assert all(np.allclose(pulse.force_n, [0.0, 20.0, 0.0]) for _, pulse in pulses)
