@@ -43,7 +43,8 @@ class ArmConfig:
         force_integral_gain: 1/s.
         force_error_limit_n: force errors beyond it add no more.
         force_velocity_feedback: share of the hand's velocity that force axes do not brake; below 1 the hand is damped.
-        yield_speed_mps: a hand that yields faster is braked by what it is faster, and out of the workspace by all its speed.
+        yield_speed_mps: a hand that is asked for no force, or feels `surprise_n` more than it is asked for, and yields faster
+            is braked by what it is faster; beyond the border by all its speed.
         brake_nspm: N s/m, by which.
         nearest_m: distance from the shoulder within which it does not come.
         yield_x_m, yield_y_m, yield_z_m: box in heading within which a hand that is asked for no force yields: where the wheels
@@ -75,6 +76,7 @@ class ArmConfig:
     force_error_limit_n: float = 8.0
     force_velocity_feedback: float = 0.5
     yield_speed_mps: float = 0.4
+    surprise_n: float = 6.0
     brake_nspm: float = 60.0
     nearest_m: float = 0.40
     yield_x_m: tuple[float, float] = (0.46, 0.74)
@@ -260,10 +262,12 @@ def _hand_force(
         holding = command.mask[i] if back[i] != 0.0 else 0.0
         most = (1.0 - holding) * arm.load_limit_n + holding * arm.border_load_limit_n
         load = clip(arm.load_gain * signals.force_estimated_n[i], -most, most)
+        pulled = command.force_n[i] == 0.0 or abs(error) > arm.surprise_n
+        yielding = command.mask[i] if pulled else 0.0
         free = arm.yield_speed_mps * (force_share[i] if back[i] != 0.0 else 1.0)
         brake = arm.brake_nspm * (arm_velocity[i] - clip(arm_velocity[i], -free, free))
         force[i] = (
-            command.mask[i] * (arm.border_stiffness * (1.0 - force_share[i]) * back[i] - brake)
+            yielding * (arm.border_stiffness * (1.0 - force_share[i]) * back[i] - brake)
             + force_share[i] * (regulation + correction.hand_force[i])
             - (1.0 - force_share[i]) * load
             + arm.integral_gain * memory.position_integral[i]
