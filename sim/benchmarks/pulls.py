@@ -12,6 +12,7 @@ import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -35,8 +36,8 @@ def play(job: tuple[int, Pull]) -> tuple[int, PullResult]:
     return job[0], pull(job[1])
 
 
-def row(plan: Pull, result: PullResult) -> Row:
-    """One row of the table."""
+def row(plan: Pull, result: PullResult) -> dict[str, Any]:
+    """One row of the table; direction and flags are lists."""
     return {
         "controller": plan.setup.controller,
         "mode": plan.mode,
@@ -77,7 +78,7 @@ def summaries(plans: Sequence[Pull], results: Sequence[PullResult]) -> list[Row]
     ]
 
 
-def plot(folder: Path, rows: Sequence[Row]) -> None:
+def plot(folder: Path, rows: Sequence[dict[str, Any]]) -> None:
     """Largest force stood in each direction, of each controller and mode: azimuth around, elevation from the rim inwards."""
     # Plots are optional, so the library is only needed for them.
     from matplotlib import pyplot

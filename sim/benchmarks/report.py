@@ -15,7 +15,7 @@ from typing import Any
 from control.files import write_whole
 from control.provenance import commit, machine
 
-Row = dict[str, str | int | float | bool | list[float] | list[str] | None]
+Row = dict[str, str | int | float | bool | None]
 
 
 @dataclass(frozen=True, slots=True)

@@ -83,6 +83,7 @@ def answers(port: int) -> bool:
 
 
 @linux
+@pytest.mark.realtime
 @pytest.mark.parametrize(
     "command", [["--no-browser", "--port", "0"], ["emulate", "--domain", "77"]], ids=["console", "emulate"]
 )

@@ -1,6 +1,8 @@
 """The base-state estimator against closed forms: rolling contact, the crossover, the lever arm of the IMU."""
 
+from collections.abc import Callable
 from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 import pytest
@@ -12,6 +14,7 @@ from control.robot_model import GRAVITY_MPS2, RobotModel
 from control.types import SensorFrame
 
 CONFIG = BaseStateConfig()
+Result = TypeVar("Result")
 BLIND = BaseStateConfig(standing_crossover_s=1.0, bias_rate=0.0, standing_bias_rate=0.0)
 """Without an estimate of biases."""
 UP = np.array([0.0, 0.0, GRAVITY_MPS2])
@@ -20,6 +23,13 @@ UP = np.array([0.0, 0.0, GRAVITY_MPS2])
 @pytest.fixture
 def model() -> RobotModel:
     return RobotModel()
+
+
+def repeat(count: int, step: Callable[[], Result]) -> Result:
+    """The last of `count` results."""
+    for _ in range(count - 1):
+        step()
+    return step()
 
 
 def yaw_rotation(yaw: float) -> np.ndarray:
@@ -111,8 +121,7 @@ def test_at_rest_no_bias_of_the_imu_is_taken_for_a_velocity(model: RobotModel) -
     """0.15 m/s^2 of accelerometer, and 10 mrad of attitude, which turn gravity by as much as 0.1 m/s^2."""
     estimator, blind = BaseStateEstimator(CONFIG, model), BaseStateEstimator(BLIND, model)
     still = replace(frame(np.eye(3)), linear_acceleration=UP + [0.15, -0.15 + 0.01 * GRAVITY_MPS2, 0.15])
-    for _ in range(2500):
-        base, without = estimator.step(still), blind.step(still)
+    base, without = repeat(2500, lambda: (estimator.step(still), blind.step(still)))
     assert np.abs(without.linear_velocity_in_base[[0, 2]]).min() > 0.1
     assert np.abs(base.linear_velocity_in_base).max() < 1e-3
 
@@ -141,8 +150,7 @@ def test_a_robot_whose_wheels_spin_in_the_air_learns_no_absurd_bias(model: Robot
         estimator.step(still)
     for _ in range(1500):
         estimator.step(replace(still, joint_velocity=spinning))
-    for _ in range(2500):
-        base = estimator.step(still)
+    base = repeat(2500, lambda: estimator.step(still))
     assert np.abs(base.linear_velocity_in_base).max() < 0.01
 
 
