@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from control.estimation.rolling_contact import contact_speed
+from control.estimation.rolling_contact import middle, middle_rolling_velocity
 from control.frames import rotation_from_quaternion
 from control.joints import WHEEL_RADIUS_M, WHEEL_SLICE
 from control.kernels.compiled import kernel
@@ -67,16 +67,6 @@ _LARGEST_BIAS = 0.3
 
 _LARGEST_SURPRISE = 0.1
 """m/s of v_rolling - v_imu that the bias learns from: what exceeds it is slip, or wheels in the air."""
-
-
-@kernel("f8(f8, f8, f8, f8)")
-def middle(a: float, b: float, c: float, d: float) -> float:
-    """Mean of the two middle ones of four numbers; one that is no number counts as the largest."""
-    a = math.inf if math.isnan(a) else a
-    b = math.inf if math.isnan(b) else b
-    c = math.inf if math.isnan(c) else c
-    d = math.inf if math.isnan(d) else d
-    return 0.5 * (max(min(a, b), min(c, d)) + min(max(a, b), max(c, d)))
 
 
 @kernel(
@@ -131,17 +121,13 @@ def complementary_filter(
         rates[2] * lever[0] - rates[0] * lever[2],
         rates[0] * lever[1] - rates[1] * lever[0],
     )
-    new, from_lever, surprise = np.empty(3), np.empty(3), np.zeros(3)
+    new, from_lever, surprise, of_base = np.empty(3), np.empty(3), np.zeros(3), np.empty(3)
+    middle_rolling_velocity(jacobian, velocity, of_base)
     height = -middle(contact_points[0, 2], contact_points[1, 2], contact_points[2, 2], contact_points[3, 2])
     total = height
     for axis in range(3):
         from_lever[axis] = r[axis, 0] * cross[0] + r[axis, 1] * cross[1] + r[axis, 2] * cross[2]
-        rolling = from_lever[axis] - middle(
-            contact_speed(jacobian[axis], velocity),
-            contact_speed(jacobian[3 + axis], velocity),
-            contact_speed(jacobian[6 + axis], velocity),
-            contact_speed(jacobian[9 + axis], velocity),
-        )
+        rolling = from_lever[axis] + of_base[axis]
         new[axis] = rolling
         if started:
             change = 0.0

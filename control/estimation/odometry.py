@@ -10,9 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from control.estimation.base_state import middle
-from control.estimation.rolling_contact import contact_speed
-from control.kernels.compiled import kernel
+from control.estimation.rolling_contact import middle_rolling_velocity
 from control.robot_model import RobotModel
 from control.timing import TICK_S
 from control.types import Odometry
@@ -30,24 +28,6 @@ class OdometryConfig:
     turn_m: float = 0.01
     step_m: float = 0.01
     step_rad: float = 0.02
-
-
-@kernel("void(f8[:,::1], f8[::1], f8[::1])")
-def middle_rolling_velocity(jacobian: np.ndarray, velocity: np.ndarray, base_velocity: np.ndarray) -> None:
-    """Velocity of the base origin if the two middle ones of the contact points, per axis, stand still.
-
-    Args:
-        jacobian: (18, 28) B^T of eq. (9).
-        velocity: (28,) v; its first three entries are not read.
-        base_velocity: (3,) m/s, world-aligned, the result.
-    """
-    for axis in range(3):
-        base_velocity[axis] = -middle(
-            contact_speed(jacobian[axis], velocity),
-            contact_speed(jacobian[3 + axis], velocity),
-            contact_speed(jacobian[6 + axis], velocity),
-            contact_speed(jacobian[9 + axis], velocity),
-        )
 
 
 class WheelOdometry:
