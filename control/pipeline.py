@@ -35,6 +35,7 @@ from control.robot_model import RobotModel
 from control.safety import SafetyConfig, SafetyGate, SafetyStatus
 from control.timing import CONTROL_PERIOD_S, SLOT_COUNT, Job, due, shown_slots
 from control.types import BaseState, Command, ForceEstimate, JointCommand, Odometry, SensorFrame
+from control.values import value
 from control.whole_body.controller import Controller, ControllerInput
 from control.whole_body.model_based import ModelBasedController
 
@@ -57,7 +58,7 @@ class PipelineConfig:
     safety: SafetyConfig = field(default_factory=SafetyConfig)
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class PipelineOutput:
     """One tick's result.
 
@@ -224,13 +225,7 @@ class Pipeline:
             CommandError: the command is malformed (out of range is clipped).
         """
         base = self._base_state.step(sensor)
-        self.model.update(
-            base.rotation_base_to_world,
-            sensor.joint_position,
-            base.linear_velocity_in_base,
-            base.angular_velocity_in_base,
-            sensor.joint_velocity,
-        )
+        self.model.update_velocity(base.linear_velocity_in_base, base.angular_velocity_in_base, sensor.joint_velocity)
         self._estimate(EstimatorInput(self._tick, self.model, sensor, base, self._applied.mask))
         estimate = self._estimates.get(self.estimator_name)
         odometry = self._odometry.step(self.model.rotation_heading_to_world)

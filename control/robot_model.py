@@ -23,7 +23,7 @@ from control.joints import (
     permutation,
 )
 from control.kernels.compiled import kernel
-from control.kernels.small_algebra import rotate
+from control.kernels.small_algebra import rotate, rotate_back
 from control.paths import ROBOT_MJCF
 from control.wheel_geometry import lowest_point_from_center
 
@@ -48,6 +48,7 @@ class RobotModel:
         mass_matrix: (28, 28) M, with armature.
         coriolis_matrix: (28, 28) C with Mdot = C + C^T.
         gravity: (28,) g.
+        arm_gravity: (28,) the part of g that the arm's links cause.
         velocity: (28,) v.
         momentum: (28,) p = M v, eq. (3).
         momentum_drift: (28,) C^T v - g, which equals Mdot v - h of eq. (5).
@@ -78,9 +79,7 @@ class RobotModel:
 
         self.total_mass = float(pin.computeTotalMass(self._model))
         arm = [self._model.getJointId(name) for name in ARM_JOINT_NAMES]
-        self._arm_masses = np.array([self._model.inertias[joint].mass for joint in arm])
-        self._arm_centers = np.array([self._model.inertias[joint].lever for joint in arm])
-        self.arm_mass = float(self._arm_masses.sum())
+        self.arm_mass = float(sum(self._model.inertias[joint].mass for joint in arm))
         self.position_lower = self._model.lowerPositionLimit[self._position_rows]
         self.position_upper = self._model.upperPositionLimit[self._position_rows]
         self.joint_damping = self._model.damping[self.joint_rows]
@@ -93,8 +92,7 @@ class RobotModel:
         self.imu_position_in_base = self._model.frames[self._frame_index(IMU_FRAME, mjcf)].placement.translation.copy()
         placements = [self._data.oMf[self._frame_index(name, mjcf)] for name in (*WHEEL_CENTER_FRAMES, END_EFFECTOR_FRAME)]
         self._arm_rows = self.joint_rows[ARM_SLICE]
-        self._arm_rotations = tuple(self._data.oMi[joint].rotation for joint in arm)
-        self._arm_positions = tuple(self._data.oMi[joint].translation for joint in arm)
+        self._arm_center: np.ndarray = self._data.oYcrb[arm[0]].lever  # of all that the joint carries, world-aligned
         self._frame_positions = tuple(placement.translation for placement in placements)
         self._end_effector_rotation: np.ndarray = placements[-1].rotation
         self._wheel_rows = self.joint_rows[[JOINT_NAMES.index(name) for name in WHEEL_JOINT_NAMES]]
@@ -107,8 +105,9 @@ class RobotModel:
         self.velocity = np.zeros(size)
         self.momentum = np.zeros(size)
         self.momentum_drift = np.zeros(size)
-        self.gravity = np.zeros(size)
+        self.gravity, self.arm_gravity = np.zeros(size), np.zeros(size)
         self._points = np.zeros((len(LEGS) + 1, 3))
+        self._wheel_points = self._points[:-1]
         self._wrench_jacobian = np.zeros((WRENCH_SIZE, size))
         self._geometry_fresh = False
 
@@ -130,18 +129,28 @@ class RobotModel:
             joint_velocity: (22,) rad/s.
         """
         self.update_configuration(rotation_base_to_world, joint_position)
-        velocity = self.velocity
+        self.update_velocity(linear_velocity_in_base, angular_velocity_in_base, joint_velocity)
+
+    def update_velocity(
+        self, linear_velocity_in_base: np.ndarray, angular_velocity_in_base: np.ndarray, joint_velocity: np.ndarray
+    ) -> None:
+        """The rest of `update`, after `update_configuration` to the same configuration."""
+        model, data, configuration, velocity = self._model, self._data, self._configuration, self.velocity
         stack_velocity(linear_velocity_in_base, angular_velocity_in_base, joint_velocity, self.joint_rows, velocity)
-        pin.crba(self._model, self._data, self._configuration)
-        pin.computeCoriolisMatrix(self._model, self._data, self._configuration, velocity)
+        pin.crba(model, data, configuration)
+        pin.computeCoriolisMatrix(model, data, configuration, velocity)
         momentum_terms(
             self.mass_matrix,
             self.coriolis_matrix,
             self._rotation,
             velocity,
+            self._arm_center,
+            self.arm_mass,
+            self._arm_rows,
             self.momentum,
             self.gravity,
             self.momentum_drift,
+            self.arm_gravity,
         )
 
     def update_configuration(self, rotation_base_to_world: np.ndarray, joint_position: np.ndarray) -> None:
@@ -181,13 +190,15 @@ class RobotModel:
     @property
     def wheel_contact_positions(self) -> np.ndarray:
         """(4, 3) m, world-aligned, from the base origin: lowest point of each wheel's ellipsoid, whatever its camber."""
-        self._refresh_geometry()
-        return self._points[:-1]
+        if not self._geometry_fresh:
+            self._refresh_geometry()
+        return self._wheel_points
 
     @property
     def wrench_jacobian(self) -> np.ndarray:
         """(18, 28) B^T of eq. (9): wheel contact points (12 rows), end-effector linear (3) and angular (3), world-aligned."""
-        self._refresh_geometry()
+        if not self._geometry_fresh:
+            self._refresh_geometry()
         return self._wrench_jacobian
 
     @property
@@ -203,33 +214,20 @@ class RobotModel:
     @property
     def center_of_mass(self) -> np.ndarray:
         """(3,) m, world-aligned, from the base origin; needs `update`."""
-        return mass_center(self.mass_matrix, self._rotation, self.total_mass)
-
-    def arm_gravity(self) -> np.ndarray:
-        """(28,) the part of g that the arm's links cause, computed at each call."""
-        gravity = np.zeros(len(self.velocity))
-        links_gravity(
-            self._arm_rotations,
-            self._arm_positions,
-            self._arm_masses,
-            self._arm_centers,
-            self._joint_jacobian,
-            self._arm_rows,
-            gravity,
-        )
-        return gravity
+        center = np.empty(3)
+        mass_center(self.mass_matrix, self._rotation, self.total_mass, center)
+        return center
 
     def _refresh_geometry(self) -> None:
-        if not self._geometry_fresh:
-            contact_geometry(
-                self._joint_jacobian,
-                self._frame_positions,
-                self._wheel_rows,
-                self._supports,
-                self._points,
-                self._wrench_jacobian,
-            )
-            self._geometry_fresh = True
+        contact_geometry(
+            self._joint_jacobian,
+            self._frame_positions,
+            self._wheel_rows,
+            self._supports,
+            self._points,
+            self._wrench_jacobian,
+        )
+        self._geometry_fresh = True
 
     def _frame_index(self, name: str, mjcf: Path) -> int:
         # A site may share its name with its body; both lie at the same place, and sites come last.
@@ -249,15 +247,15 @@ class RobotModel:
         return mask
 
 
-@kernel("f8[::1](f8[::1,:], f8[:,::1], f8)")
-def mass_center(mass_matrix: np.ndarray, rotation_base_to_world: np.ndarray, total_mass: float) -> np.ndarray:
+@kernel("void(f8[::1,:], f8[:,::1], f8, f8[:])")
+def mass_center(mass_matrix: np.ndarray, rotation_base_to_world: np.ndarray, total_mass: float, center: np.ndarray) -> None:
     """Centre of mass c (3,), m, world-aligned, from the base origin.
 
     The mass matrix (28, 28) couples base translation and rotation through -m skew(c), c in base.
     """
     m = mass_matrix
     in_base = np.array([m[1, 5] / total_mass, m[2, 3] / total_mass, m[0, 4] / total_mass])
-    return np.array(rotate(rotation_base_to_world, in_base))
+    center[0], center[1], center[2] = rotate(rotation_base_to_world, in_base)
 
 
 @kernel("b1(matrix, vector, i8[::1], f8[::1], f8[:,::1], f8[:,::1])")
@@ -306,26 +304,36 @@ def stack_velocity(
         velocity[joint_rows[joint]] = joint_velocity[joint]
 
 
-@kernel("void(f8[::1,:], f8[::1,:], f8[:,::1], f8[::1], f8[::1], f8[::1], f8[::1])")
+@kernel(
+    "void(f8[::1,:], f8[::1,:], f8[:,::1], f8[::1], f8[::1], f8, i8[::1], f8[::1], f8[::1], f8[::1], f8[::1])",
+)
 def momentum_terms(
     mass_matrix: np.ndarray,
     coriolis_matrix: np.ndarray,
     rotation_base_to_world: np.ndarray,
     velocity: np.ndarray,
+    arm_center: np.ndarray,
+    arm_mass: float,
+    arm_rows: np.ndarray,
     momentum: np.ndarray,
     gravity: np.ndarray,
     momentum_drift: np.ndarray,
+    arm_gravity: np.ndarray,
 ) -> None:
     """Terms of eqs. (3)-(5): p = M v, g, and C^T v - g, which equals Mdot v - h.
 
-    Uniform gravity acts as an upward acceleration of the base: g = M[:, :3] R^T (0, 0, 9.81).
+    Uniform gravity acts as an upward acceleration of the base: g = M[:, :3] R^T (0, 0, 9.81). The arm's links cause all of it
+    on their own rows, and on the base's rows the arm's weight at its centre of mass.
 
     Args:
         mass_matrix: (28, 28) M.
         coriolis_matrix: (28, 28) C with Mdot = C + C^T.
         rotation_base_to_world: (3, 3) R.
         velocity: (28,) v.
-        momentum, gravity, momentum_drift: (28,) the results.
+        arm_center: (3,) m, centre of mass of the arm, world-aligned, from the base origin.
+        arm_mass: kg.
+        arm_rows: (6,) generalized rows of the arm's joints.
+        momentum, gravity, momentum_drift, arm_gravity: (28,) the results.
     """
     size = len(velocity)
     for i in range(size):
@@ -338,36 +346,13 @@ def momentum_terms(
         for axis in range(3):
             gravity[i] += mass_matrix[i, axis] * (GRAVITY_MPS2 * rotation_base_to_world[2, axis])
         momentum_drift[i] = drift - gravity[i]
-
-
-@kernel("void(UniTuple(f8[::1,:], 6), UniTuple(f8[::1], 6), f8[::1], f8[:,::1], f8[::1,:], i8[::1], f8[::1])")
-def links_gravity(
-    rotations: tuple[np.ndarray, ...],
-    positions: tuple[np.ndarray, ...],
-    masses: np.ndarray,
-    centers: np.ndarray,
-    joint_jacobian: np.ndarray,
-    rows: np.ndarray,
-    gravity: np.ndarray,
-) -> None:
-    """What the weights of the links of a chain at the base do to base and chain: g = sum_i -J_i^T m_i (0, 0, -9.81).
-
-    Args:
-        rotations, positions: (3, 3) and (3,) m, of each link's joint to world.
-        masses: (6,) kg.
-        centers: (6, 3) m, centre of mass of each link in its joint's frame.
-        joint_jacobian: (6, 28) of every joint's own frame at the world's origin, linear then angular.
-        rows: (6,) generalized row of each joint, the base's side first.
-        gravity: (28,) the result; rows of other joints are left alone.
-    """
-    for link in range(len(rotations)):
-        x, y, _ = rotate(rotations[link], centers[link])
-        x, y = x + positions[link][0], y + positions[link][1]
-        weight = GRAVITY_MPS2 * masses[link]
-        for k in range(6 + link + 1):
-            row = k if k < 6 else rows[k - 6]
-            upward = joint_jacobian[2, row] + joint_jacobian[3, row] * y - joint_jacobian[4, row] * x
-            gravity[row] += weight * upward
+    r, (x, y, z) = rotation_base_to_world, rotate_back(rotation_base_to_world, arm_center)
+    weight = GRAVITY_MPS2 * arm_mass
+    up_x, up_y, up_z = weight * r[2, 0], weight * r[2, 1], weight * r[2, 2]
+    arm_gravity[0], arm_gravity[1], arm_gravity[2] = up_x, up_y, up_z
+    arm_gravity[3], arm_gravity[4], arm_gravity[5] = y * up_z - z * up_y, z * up_x - x * up_z, x * up_y - y * up_x
+    for row in arm_rows:
+        arm_gravity[row] = gravity[row]
 
 
 @kernel("void(f8[::1,:], UniTuple(f8[::1], 5), i8[::1], b1[:,::1], f8[:,::1], f8[:,::1])")

@@ -27,6 +27,7 @@ from control.kernels.small_algebra import clip
 from control.robot_model import RobotModel
 from control.timing import TICK_S
 from control.types import BaseState, Command, JointCommand, SensorFrame
+from control.values import value
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +73,7 @@ class SafetyConfig:
     standing_rad: float = 0.3
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class SafetyStatus:
     """What the gate did at one tick: reasons, whether the drives damp, whether the e-stop is latched."""
 
@@ -195,6 +196,7 @@ class SafetyGate:
             margin=config.position_margin_rad,
         )
         self._damping_command = _frozen_damping(config)
+        self._warn_upright, self._damp_upright = math.cos(config.tilt_warn_rad), math.cos(config.tilt_damp_rad)
         self.reset()
 
     def reset(self) -> None:
@@ -277,9 +279,9 @@ class SafetyGate:
         damp = self._estop
         # NaN fails every comparison, so "not below" also catches it.
         upright = base.rotation_base_to_world[2, 2]
-        if not upright >= math.cos(config.tilt_warn_rad):
+        if not upright >= self._warn_upright:
             faults |= Fault.TILT
-            self._tilted |= not upright >= math.cos(config.tilt_damp_rad)
+            self._tilted |= not upright >= self._damp_upright
         if self._tilted:
             faults |= Fault.TILT
             damp = True

@@ -3,14 +3,15 @@
 Every force is the one that the environment exerts on the robot. Arrays are float64 and owned by their holder.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
 from control.joints import JOINT_COUNT
+from control.values import value
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class SensorFrame:
     """All that hardware offers at one tick. Orders and units: control.joints, SI.
 
@@ -33,7 +34,7 @@ class SensorFrame:
     joint_torque: np.ndarray
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class Command:
     """The paper's full command (c_b and c_e, Sec. II.E), in the heading frame.
 
@@ -54,7 +55,7 @@ class Command:
     guidance: bool = False
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class BaseState:
     """Estimated state of the base (control.estimation.base_state).
 
@@ -71,7 +72,7 @@ class BaseState:
     height_m: float
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class Odometry:
     """Where the robot has rolled to since the pipeline was reset (control.estimation.odometry).
 
@@ -86,7 +87,7 @@ class Odometry:
     sigma_m: float
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class ForceEstimate:
     """Output of a force estimator at one tick.
 
@@ -107,7 +108,7 @@ class ForceEstimate:
     stale: bool = False
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class JointCommand:
     """What a backend sends to the drives, each (22,).
 

@@ -9,9 +9,10 @@ neither overrun nor lateness.
 import time
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
+
+from control.values import value
 
 REBASE_BEHIND_S = 0.1
 LATENESS_WINDOW = 2500
@@ -24,7 +25,7 @@ YIELD_AFTER_S = 0.05
 YIELD_S = 5e-4
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class LoopStatistics:
     """How the loop keeps time. Rates are over the last second, quantiles over the last `LATENESS_WINDOW` ticks.
 

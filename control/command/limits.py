@@ -11,6 +11,7 @@ from control.kernels.compiled import kernel
 from control.kernels.records import config_record, packed
 from control.kernels.small_algebra import clip
 from control.types import Command
+from control.values import value
 
 Range = tuple[float, float]
 
@@ -75,7 +76,7 @@ class CommandError(ValueError):
         self.field = field_name
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class HandState:
     """What the pipeline knows of the hand at one tick.
 

@@ -38,6 +38,8 @@ from control.robot_model import WRENCH_SIZE, RobotModel
 from control.timing import Job, due
 from control.types import ForceEstimate
 
+_WHEELS = len(LEGS)
+
 
 @dataclass(frozen=True, slots=True)
 class AdaptiveConfig:
@@ -85,7 +87,7 @@ def trust_rows(
 
 @kernel(
     "b1(vector, f8[::1], f8[::1], f8, i8[::1], f8[::1], f8[:,::1], f8[::1], i8[::1], i8[::1], f8[::1], f8[:,::1], f8[::1],"
-    " f8[::1], f8[:,::1], f8[::1], f8[::1])"
+    " f8[:,::1], f8, f8[::1], f8[:,::1], f8[::1], f8[::1])"
 )
 def corrected_wrench(
     joint_position: np.ndarray,
@@ -101,12 +103,16 @@ def corrected_wrench(
     parameters: np.ndarray,
     jacobian: np.ndarray,
     costs: np.ndarray,
+    rotation_heading_to_world: np.ndarray,
+    friction: float,
     trusted: np.ndarray,
     forces: np.ndarray,
     wrench: np.ndarray,
     unexplained: np.ndarray,
 ) -> bool:
-    """Wrench (18,) in world axes that explains r + N beta + F phi; False where H is not positive definite.
+    """Wrench (18,) in heading that explains r + N beta + F phi; False where H is not positive definite.
+
+    R is isotropic, so it is found in world axes and turned. Wheel forces are then moved into their friction cones.
 
     Args:
         joint_position, lower, upper, margin, joint_rows, rows, trusted: see `trust_rows`.
@@ -114,21 +120,20 @@ def corrected_wrench(
         arm_gravity, arm_rows, forces: see `split_forces`.
         groups, parameters: see `correct_residual`.
         jacobian, costs, wrench, unexplained: see `unconstrained_wrench`.
+        rotation_heading_to_world: (3, 3).
+        friction: mu of the cones.
     """
     trust_rows(joint_position, lower, upper, margin, joint_rows, rows, trusted)
     residual, inertial_force, with_friction = residuals[0], residuals[1], residuals[2]
     split_forces(inertial_force, residual - with_friction, arm_gravity, arm_rows, forces)
     corrected = np.empty(len(residual))
     correct_residual(residual, forces, groups, parameters, corrected)
-    return unconstrained_wrench(jacobian, corrected, trusted, costs, wrench, unexplained)
-
-
-@kernel("void(f8[:,::1], f8, f8[::1])")
-def wheels_in_cones(rotation_heading_to_world: np.ndarray, friction: float, wrench: np.ndarray) -> None:
-    """Turn a stacked wrench (18,) from world axes into heading, then its wheel forces into their cones, in place."""
+    if not unconstrained_wrench(jacobian, corrected, trusted, costs, wrench, unexplained):
+        return False
     turn_wrench(rotation_heading_to_world, wrench)
-    wheel_forces = wrench[SUPPORT_ROWS].reshape((len(LEGS), 3))
+    wheel_forces = wrench[SUPPORT_ROWS].reshape((_WHEELS, 3))
     project_on_friction_cone(wheel_forces, friction, wheel_forces)
+    return True
 
 
 class AdaptiveEstimator(ProjectingEstimator):
@@ -165,8 +170,8 @@ class AdaptiveEstimator(ProjectingEstimator):
             self._adapt()
 
     def _adapt(self) -> None:
-        wrench = self._unconstrained_wrench()
-        # R is isotropic, so the frame of the wrenches does not matter here.
+        wrench = self._wrench(self._residual.inputs)
+        # In world axes: R is isotropic, so the frame of the wrenches does not matter here.
         self._adaptation.update(
             self._residual.inputs.model.wrench_jacobian,
             self.residual,
@@ -178,34 +183,35 @@ class AdaptiveEstimator(ProjectingEstimator):
         )
 
     def _project(self, inputs: EstimatorInput, residual: np.ndarray) -> ForceEstimate:
-        wrench = self._unconstrained_wrench()
-        wheels_in_cones(inputs.model.rotation_heading_to_world, self._config.friction, wrench)
-        forces, wheels = wrench[FORCE_ROWS], wrench[SUPPORT_ROWS].reshape(len(LEGS), 3)
-        return ForceEstimate(forces, wheels, mass_scale=self._mass_scale(), mass_adapting=self._adaptation.moving)
+        wrench = self._wrench(inputs)
+        arm, rest = self._adaptation.parameters[MASSES].tolist()
+        mass_scale = 1.0 + rest + (arm - rest) * self._arm_share  # total mass over nominal
+        forces, wheels = wrench[FORCE_ROWS], wrench[SUPPORT_ROWS].reshape(_WHEELS, 3)
+        return ForceEstimate(forces, wheels, None, mass_scale, self._adaptation.moving)
 
-    def _unconstrained_wrench(self) -> np.ndarray:
-        """(18,) in world axes, of the newest residual after correction by the adapted model.
+    def _wrench(self, inputs: EstimatorInput) -> np.ndarray:
+        """(18,) in heading, of the newest residual after correction by the adapted model.
 
         Raises:
             WrenchProjectionError: H is not positive definite.
         """
-        observed = self._residual
-        model = observed.inputs.model
-        wrench = np.empty(WRENCH_SIZE)
+        model, wrench = inputs.model, np.empty(WRENCH_SIZE)
         if not corrected_wrench(
-            observed.inputs.sensor.joint_position,
+            inputs.sensor.joint_position,
             model.position_lower,
             model.position_upper,
             self._config.stop_margin_rad,
             model.joint_rows,
             self._rows,
-            observed.residuals,
-            model.arm_gravity(),
+            self._residual.residuals,
+            model.arm_gravity,
             self._arm_rows,
             self._friction_groups,
             self._adaptation.parameters,
             model.wrench_jacobian,
             self._costs,
+            model.rotation_heading_to_world,
+            self._config.friction,
             self._trusted,
             self._forces,
             wrench,
@@ -213,8 +219,3 @@ class AdaptiveEstimator(ProjectingEstimator):
         ):
             raise WrenchProjectionError(None, "H is not positive definite; every cost in R must be positive")
         return wrench
-
-    def _mass_scale(self) -> float:
-        """Total mass over nominal."""
-        arm, rest = self._adaptation.parameters[MASSES].tolist()
-        return 1.0 + rest + (arm - rest) * self._arm_share

@@ -69,6 +69,13 @@ _LARGEST_SURPRISE = 0.1
 """m/s of v_rolling - v_imu that the bias learns from: what exceeds it is slip, or wheels in the air."""
 
 
+@kernel("void(vector, vector, f8[:,::1], f8[::1])")
+def _attitude(orientation_wxyz: np.ndarray, angular_velocity: np.ndarray, rotation: np.ndarray, rates: np.ndarray) -> None:
+    """The rotation (3, 3) of a quaternion (4,) wxyz, and a copy (3,) of the angular velocity."""
+    rotation[:] = rotation_from_quaternion(orientation_wxyz)
+    rates[:] = angular_velocity
+
+
 @kernel(
     "Tuple((b1, f8))(f8[:,::1], f8[::1], vector, vector, i8[::1], f8[:,::1], f8[:,::1], b1,"
     " Config[::1], f8[::1], f8[::1], f8[::1])",
@@ -167,7 +174,7 @@ class BaseStateEstimator:
         self._correction[:] = 0.0
 
     def step(self, sensor: SensorFrame) -> BaseState:
-        """Advance one period; moves the model's kinematics to the frame's configuration.
+        """Advance one period; moves the model's kinematics to the state that comes back and the frame's joints.
 
         A frame that is not finite changes nothing: the last state comes back.
 
@@ -175,9 +182,9 @@ class BaseStateEstimator:
             ValueError: the first frame is not finite.
         """
         model = self._model
-        rotation, rates = rotation_from_quaternion(sensor.orientation_wxyz), np.array(sensor.angular_velocity)
+        rotation, rates, velocity = np.empty((3, 3)), np.empty(3), np.empty(3)
+        _attitude(sensor.orientation_wxyz, sensor.angular_velocity, rotation, rates)
         model.update_configuration(rotation, sensor.joint_position)
-        velocity = np.empty(3)
         finite, height = complementary_filter(
             rotation,
             rates,
@@ -196,4 +203,6 @@ class BaseStateEstimator:
             self._last = BaseState(rotation, velocity, rates, height)
         elif self._last is None:
             raise ValueError(f"the first sensor frame (time {sensor.time_s} s) is not finite; check the backend")
+        else:
+            model.update_configuration(self._last.rotation_base_to_world, sensor.joint_position)
         return self._last

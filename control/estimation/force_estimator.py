@@ -1,16 +1,17 @@
 """What every force estimator is: fed at 500 Hz, asked for an estimate whenever one is wanted."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Protocol
 
 import numpy as np
 
 from control.robot_model import RobotModel
 from control.types import BaseState, ForceEstimate, SensorFrame
+from control.values import value
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class EstimatorInput:
     """One 500 Hz tick, the same for every estimator.
 

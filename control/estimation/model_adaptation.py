@@ -19,7 +19,7 @@ import numpy as np
 from control.estimation.wrench_projection import normal_equations
 from control.joints import ARM_SLICE
 from control.kernels.compiled import kernel
-from control.kernels.small_algebra import clip, factorize, solve_positive, substitute
+from control.kernels.small_algebra import clip, factorize, solve_positive, substitute_all
 from control.robot_model import WRENCH_SIZE, RobotModel
 from control.timing import CONTROL_PERIOD_S
 
@@ -162,39 +162,40 @@ def add_instant(
         parameters: (9,) theta, the result.
     """
     size = len(residual)
-    regressor = np.zeros((PARAMETER_COUNT, size))
+    regressor = np.zeros((size, PARAMETER_COUNT))
     for row in range(size):
-        regressor[ARM, row] = rows[row] * forces[row, 0]
-        regressor[REST, row] = rows[row] * forces[row, 1]
+        regressor[row, ARM] = rows[row] * forces[row, 0]
+        regressor[row, REST] = rows[row] * forces[row, 1]
         if groups[row] >= 0:
-            regressor[_FIRST_FRICTION + groups[row], row] = rows[row] * forces[row, 2]
+            regressor[row, _FIRST_FRICTION + groups[row]] = rows[row] * forces[row, 2]
     factor, wrench = np.empty((WRENCH_SIZE, WRENCH_SIZE)), np.empty(WRENCH_SIZE)
     normal_equations(jacobian, residual, rows, costs, factor, wrench)
     if not factorize(factor):
         return False
-    unexplained = np.empty(size)
+    # The wrenches of all parameters at once: inner loops run over parameters, and skip what no wrench moves.
+    wrenches = np.zeros((WRENCH_SIZE, PARAMETER_COUNT))
+    for i in range(WRENCH_SIZE):
+        for row in range(size):
+            if jacobian[i, row] != 0.0:
+                for k in range(PARAMETER_COUNT):
+                    wrenches[i, k] += jacobian[i, row] * rows[row] * regressor[row, k]
+    substitute_all(factor, wrenches)
+    unexplained = regressor.copy()
+    for i in range(WRENCH_SIZE):
+        for row in range(size):
+            if jacobian[i, row] != 0.0:
+                for k in range(PARAMETER_COUNT):
+                    unexplained[row, k] -= rows[row] * jacobian[i, row] * wrenches[i, k]
+    explained, shared = np.zeros(PARAMETER_COUNT), np.zeros((PARAMETER_COUNT, PARAMETER_COUNT))
+    for row in range(size):
+        for k in range(PARAMETER_COUNT):
+            explained[k] += unexplained[row, k] * (rows[row] * residual[row])
+            for j in range(PARAMETER_COUNT):
+                shared[k, j] += unexplained[row, k] * regressor[row, j]
     for k in range(PARAMETER_COUNT):
-        wrench[:] = 0.0
-        for row in range(size):
-            weighted = rows[row] * regressor[k, row]
-            if weighted != 0.0:  # the friction of an arm joint is one row
-                for i in range(WRENCH_SIZE):
-                    wrench[i] += jacobian[i, row] * weighted
-        substitute(factor, wrench)
-        unexplained[:] = 0.0
-        for i in range(WRENCH_SIZE):
-            for row in range(size):
-                unexplained[row] += wrench[i] * jacobian[i, row]
-        explained_by_parameter = 0.0
-        for row in range(size):
-            unexplained[row] = regressor[k, row] - rows[row] * unexplained[row]
-            explained_by_parameter += unexplained[row] * rows[row] * residual[row]
-        information_vector[k] = keep * information_vector[k] - weight * explained_by_parameter
+        information_vector[k] = keep * information_vector[k] - weight * explained[k]
         for j in range(k + 1):
-            shared = 0.0
-            for row in range(size):
-                shared += unexplained[row] * regressor[j, row]
-            information[k, j] = keep * information[k, j] + (1.0 - keep) * prior[k, j] + weight * shared
+            information[k, j] = keep * information[k, j] + (1.0 - keep) * prior[k, j] + weight * shared[k, j]
             information[j, k] = information[k, j]
     solution = information_vector.copy()
     if not solve_positive(information.copy(), solution):
@@ -202,6 +203,24 @@ def add_instant(
     for k in range(PARAMETER_COUNT):
         parameters[k] = clip(solution[k], -limits[k], limits[k])
     return True
+
+
+@kernel("b1(f8[::1], f8[::1], f8, f8)")
+def notice_motion(parameters: np.ndarray, smoothed: np.ndarray, share: float, threshold: float) -> bool:
+    """Whether a mass is farther than `threshold` from its low-passed value, which moves towards it by `share` of the way.
+
+    A first-order low-pass lags behind a slope by its time constant times the slope.
+
+    Args:
+        parameters: (9,) theta.
+        smoothed: (2,) of beta, changed.
+    """
+    farthest = 0.0
+    for k in range(len(smoothed)):
+        lag = parameters[k] - smoothed[k]
+        smoothed[k] += share * lag
+        farthest = max(farthest, abs(lag))
+    return farthest > threshold
 
 
 class ModelAdaptation:
@@ -274,10 +293,5 @@ class ModelAdaptation:
             self._information_vector,
             self.parameters,
         )
-        self._notice_motion()
-
-    def _notice_motion(self) -> None:
-        """A first-order low-pass lags behind a slope by its time constant times the slope."""
-        lag = self.parameters[MASSES] - self._smoothed
-        self._smoothed += CONTROL_PERIOD_S / self._config.moving_s * lag
-        self.moving = bool(np.abs(lag).max() > self._config.moving_s * self._config.moving_per_s)
+        share, threshold = CONTROL_PERIOD_S / self._config.moving_s, self._config.moving_s * self._config.moving_per_s
+        self.moving = notice_motion(self.parameters, self._smoothed, share, threshold)

@@ -49,6 +49,17 @@ class ObserverGains:
         """
         return ObserverGains(k1, k2, self.k3 / (self.k1 * self.k2) * k1 * k2)
 
+    def implicit(self, period_s: float) -> tuple[float, float, float]:
+        """Gains on the error that remains after a step of implicit Euler: of momentum, residual and slope.
+
+        All corrections use that error, so that stable gains stay stable at every period.
+        """
+        slope = self.k3 * period_s
+        residual = (self.k2 + slope) * period_s
+        momentum = (self.k1 + residual) * period_s
+        shared = 1.0 + momentum
+        return momentum / shared, residual / shared, slope / shared
+
     @property
     def natural_frequency(self) -> float:
         """omega_n in rad/s, of the observer without slope."""
@@ -91,7 +102,7 @@ def observe(
         momentum_inputs: (k, n) u over the period.
         started: whether `state` is the observer's already.
         period_s: s.
-        momentum_gain, residual_gain, slope_gain: of the implicit step, see `MomentumObserver.gains`.
+        momentum_gain, residual_gain, slope_gain: see `ObserverGains.implicit`.
         state: (3, k, n) p_hat, the residual xi_hat, and zeta_hat; changed to those at the end of the period.
     """
     total = 0.0
@@ -132,15 +143,8 @@ class MomentumObserver:
 
     @gains.setter
     def gains(self, gains: ObserverGains) -> None:
-        h = self._period_s
         self._gains = gains
-        # Implicit Euler in closed form: all corrections use the error that remains after them, so that stable gains stay
-        # stable at every period.
-        slope = gains.k3 * h
-        residual = (gains.k2 + slope) * h
-        momentum = (gains.k1 + residual) * h
-        shared = 1.0 + momentum
-        self._implicit_gains = momentum / shared, residual / shared, slope / shared
+        self._implicit_gains = gains.implicit(self._period_s)
 
     def reset(self) -> None:
         """Forget the state; the next step starts at equilibrium."""

@@ -9,7 +9,7 @@ import math
 import numpy as np
 
 from control.estimation.force_estimator import EstimatorInput
-from control.estimation.momentum_observer import MomentumObserver, ObserverGains
+from control.estimation.momentum_observer import ObserverGains, observe
 from control.joints import JOINT_COUNT
 from control.kernels.compiled import kernel
 
@@ -68,11 +68,56 @@ def momentum_inputs(
         inputs[_RESIDUAL_WITH_FRICTION, row] += torque[joint]
 
 
+@kernel(
+    "b1(vector, vector, i8[::1], f8[::1], f8[::1], b1, f8[::1], f8[::1], f8[::1], b1, f8, f8, f8, f8, f8[::1],"
+    " f8[:,::1], f8[:,:,::1])"
+)
+def _advance(
+    joint_velocity: np.ndarray,
+    torque: np.ndarray,
+    joint_rows: np.ndarray,
+    dry_friction: np.ndarray,
+    damping: np.ndarray,
+    with_friction: bool,
+    momentum: np.ndarray,
+    drift: np.ndarray,
+    drift_before: np.ndarray,
+    started: bool,
+    period_s: float,
+    momentum_gain: float,
+    residual_gain: float,
+    slope_gain: float,
+    friction: np.ndarray,
+    inputs: np.ndarray,
+    state: np.ndarray,
+) -> bool:
+    """One tick of the observer, fed with the robot's terms; whether all residuals are finite.
+
+    Args:
+        joint_velocity, dry_friction, damping, friction: see `nominal_friction_torque`.
+        torque, joint_rows, drift, drift_before, inputs: see `momentum_inputs`.
+        with_friction: take nominal friction out of the residual.
+        momentum, started, period_s, momentum_gain, residual_gain, slope_gain, state: see `observe`.
+    """
+    if with_friction:
+        nominal_friction_torque(joint_velocity, dry_friction, damping, friction)
+    if not started:
+        drift_before[:] = drift
+    momentum_inputs(drift_before, drift, torque, friction, joint_rows, inputs)
+    return observe(momentum, inputs, started, period_s, momentum_gain, residual_gain, slope_gain, state)
+
+
 class MomentumResidual:
     """Observes the generalized disturbance of the whole robot, and its inertial and gravity force.
 
     Several estimators may share one instance: the observer advances once per tick however many of them feed it. A tick that
     is not finite leaves no residual, and the observer starts over at the next one.
+
+    Attributes:
+        residual: (28,) r, generalized order; the next tick overwrites it.
+        residuals: (3, 28) r; N = M vdot + h of the nominal model; r with the nominal friction left in. All lag alike; the next
+            tick overwrites them.
+        finite: whether all of them are finite; not so when the newest tick was not.
     """
 
     def __init__(self, gains: ObserverGains, period_s: float, with_friction: bool) -> None:
@@ -81,25 +126,30 @@ class MomentumResidual:
         period_s: tick length.
         with_friction: take nominal joint damping and dry friction out of the input, hence out of the residual.
         """
-        self._observer = MomentumObserver(gains, period_s)
+        self._period_s = period_s
         self._with_friction = with_friction
-        self._friction = np.zeros(JOINT_COUNT)
-        self._momentum_inputs = np.zeros((3, 6 + JOINT_COUNT))
+        size = 6 + JOINT_COUNT
+        self._friction, self._drift = np.zeros(JOINT_COUNT), np.zeros(size)
+        self._momentum_inputs = np.zeros((3, size))
+        self._state = np.zeros((3, 3, size))
+        self.residuals = self._state[1]
+        self.residual = self.residuals[_RESIDUAL]
+        self.gains = gains
         self.reset()
 
     @property
     def gains(self) -> ObserverGains:
-        """Of the observer; may be changed at any time."""
-        return self._observer.gains
+        """Of the observer; may be changed at any time: its state carries over."""
+        return self._gains
 
     @gains.setter
     def gains(self, gains: ObserverGains) -> None:
-        self._observer.gains = gains
+        self._gains, self._implicit_gains = gains, gains.implicit(self._period_s)
 
     def reset(self) -> None:
         """Forget the past; the next tick starts at rest equilibrium."""
-        self._observer.reset()
-        self._drift: np.ndarray | None = None
+        self._started = False
+        self.finite = True
         self._inputs: EstimatorInput | None = None
 
     def observe(self, inputs: EstimatorInput) -> bool:
@@ -107,16 +157,23 @@ class MomentumResidual:
         if self._inputs is not None and inputs.tick == self._inputs.tick:
             return False
         model, sensor = inputs.model, inputs.sensor
-        if self._drift is None:
-            self._observer.reset()
-            self._drift = model.momentum_drift.copy()
-        if self._with_friction:
-            nominal_friction_torque(sensor.joint_velocity, model.joint_friction, model.joint_damping, self._friction)
-        torque, rows = sensor.joint_torque, model.joint_rows
-        momentum_inputs(self._drift, model.momentum_drift, torque, self._friction, rows, self._momentum_inputs)
-        self._observer.step(model.momentum, self._momentum_inputs)
-        if not self._observer.finite:
-            self._drift = None
+        self._started = self.finite = _advance(
+            sensor.joint_velocity,
+            sensor.joint_torque,
+            model.joint_rows,
+            model.joint_friction,
+            model.joint_damping,
+            self._with_friction,
+            model.momentum,
+            model.momentum_drift,
+            self._drift,
+            self._started,
+            self._period_s,
+            *self._implicit_gains,
+            self._friction,
+            self._momentum_inputs,
+            self._state,
+        )
         self._inputs = inputs
         return True
 
@@ -126,21 +183,3 @@ class MomentumResidual:
         if self._inputs is None:
             raise RuntimeError("no tick observed since the last reset; call observe before estimate")
         return self._inputs
-
-    @property
-    def finite(self) -> bool:
-        """Whether `residual` and all else is finite; not so when the newest tick was not."""
-        return self._observer.finite
-
-    @property
-    def residual(self) -> np.ndarray:
-        """(28,) r, generalized order; the next tick overwrites it. After the first tick only."""
-        return self._observer.residual[_RESIDUAL]
-
-    @property
-    def residuals(self) -> np.ndarray:
-        """(3, 28) r; N = M vdot + h of the nominal model; r with the nominal friction left in. All lag alike.
-
-        After the first tick only; the next tick overwrites them.
-        """
-        return self._observer.residual

@@ -11,6 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from control.estimation.rolling_contact import middle_rolling_velocity
+from control.kernels.compiled import kernel
+from control.kernels.records import config_record, packed, record
 from control.robot_model import RobotModel
 from control.timing import TICK_S
 from control.types import Odometry
@@ -30,23 +32,80 @@ class OdometryConfig:
     step_rad: float = 0.02
 
 
+ODOMETRY = config_record(OdometryConfig())
+"""The numbers of OdometryConfig."""
+
+ODOMETRY_STATE = record(
+    started=(), start_yaw=(), last_yaw=(), yaw=(), position=2, way=(), way_from=2, turned=(), turned_from=()
+)
+"""Zeros before the first step.
+
+Fields:
+    started: 1 or 0.
+    start_yaw, last_yaw: rad, heading in the IMU's world at the first step and at the last one.
+    yaw, position: rad and m, of Odometry.
+    way, turned: m and rad, moved so far but for noise; way_from, turned_from: position and yaw up to which that counts.
+"""
+
+
+@kernel("UniTuple(f8, 2)(matrix, f8[:,::1], f8[::1], Config[::1], State[::1], f8[::1])", Config=ODOMETRY, State=ODOMETRY_STATE)
+def _roll(
+    heading_to_world: np.ndarray,
+    jacobian: np.ndarray,
+    velocity: np.ndarray,
+    config: np.ndarray,
+    state: np.ndarray,
+    position: np.ndarray,
+) -> tuple[float, float]:
+    """Advance one period.
+
+    Args:
+        heading_to_world: (3, 3).
+        jacobian, velocity: see `middle_rolling_velocity`.
+        config: ODOMETRY (1,).
+        state: ODOMETRY_STATE (1,), moved on.
+        position: (2,) m, the result.
+
+    Returns:
+        Yaw and standard deviation of the position, of Odometry.
+    """
+    k, s, rolling = config[0], state[0], np.empty(3)
+    yaw = math.atan2(heading_to_world[1, 0], heading_to_world[0, 0])
+    if s.started == 0.0:
+        s.started, s.start_yaw, s.last_yaw = 1.0, yaw, yaw
+    middle_rolling_velocity(jacobian, velocity, rolling)
+    x, y = TICK_S * rolling[0], TICK_S * rolling[1]
+    if not math.isfinite(x + y):
+        x = y = 0.0  # one frame that is lost, of many
+    turned = yaw - s.last_yaw
+    s.yaw += turned - math.tau * np.rint(turned / math.tau)
+    s.last_yaw = yaw
+    cosine, sine = math.cos(s.start_yaw), math.sin(s.start_yaw)
+    s.position[0] += cosine * x + sine * y
+    s.position[1] += cosine * y - sine * x
+    step = math.hypot(s.position[0] - s.way_from[0], s.position[1] - s.way_from[1])
+    if step > k.step_m:
+        s.way += step
+        s.way_from[0], s.way_from[1] = s.position[0], s.position[1]
+    step = abs(s.yaw - s.turned_from)
+    if step > k.step_rad:
+        s.turned += step
+        s.turned_from = s.yaw
+    position[0], position[1] = s.position[0], s.position[1]
+    return s.yaw, math.hypot(k.way_share * s.way, k.turn_m * s.turned)
+
+
 class WheelOdometry:
     """Integrates rolling from where it was reset: origin below the base, x ahead."""
 
     def __init__(self, config: OdometryConfig, model: RobotModel) -> None:
-        self._config = config
+        self._config = packed(ODOMETRY, config)
         self._model = model
-        self._velocity = np.zeros(3)
-        self.reset()
+        self._state = np.zeros(1, ODOMETRY_STATE)
 
     def reset(self) -> None:
         """The next step is the origin."""
-        self._start_yaw_rad: float | None = None
-        self._last_yaw_rad = 0.0
-        self._yaw_rad = 0.0
-        self._position = np.zeros(2)
-        self._way_m = self._turned_rad = 0.0
-        self._way_from, self._turned_from_rad = np.zeros(2), 0.0
+        self._state[:] = np.zeros((), ODOMETRY_STATE)
 
     def step(self, heading_to_world: np.ndarray) -> Odometry:
         """Advance one period, at the configuration and velocity of the model.
@@ -54,21 +113,6 @@ class WheelOdometry:
         Args:
             heading_to_world: (3, 3).
         """
-        yaw = math.atan2(heading_to_world[1, 0], heading_to_world[0, 0])
-        if self._start_yaw_rad is None:
-            self._start_yaw_rad = self._last_yaw_rad = yaw
-        middle_rolling_velocity(self._model.wrench_jacobian, self._model.velocity, self._velocity)
-        x, y = TICK_S * self._velocity[0], TICK_S * self._velocity[1]
-        if not math.isfinite(x + y):
-            x = y = 0.0  # one frame that is lost, of many
-        self._yaw_rad += math.remainder(yaw - self._last_yaw_rad, math.tau)
-        self._last_yaw_rad = yaw
-        c, s = math.cos(self._start_yaw_rad), math.sin(self._start_yaw_rad)
-        self._position[0] += c * x + s * y
-        self._position[1] += c * y - s * x
-        if (step := math.dist(self._position, self._way_from)) > self._config.step_m:
-            self._way_m, self._way_from = self._way_m + step, self._position.copy()
-        if (step := abs(self._yaw_rad - self._turned_from_rad)) > self._config.step_rad:
-            self._turned_rad, self._turned_from_rad = self._turned_rad + step, self._yaw_rad
-        sigma = math.hypot(self._config.way_share * self._way_m, self._config.turn_m * self._turned_rad)
-        return Odometry(self._position.copy(), self._yaw_rad, sigma)
+        model, position = self._model, np.empty(2)
+        yaw, sigma = _roll(heading_to_world, model.wrench_jacobian, model.velocity, self._config, self._state, position)
+        return Odometry(position, yaw, sigma)

@@ -14,6 +14,7 @@ from control.joints import ARM_SLICE, JOINT_COUNT, LEG_SLICE, LEGS, WHEEL_SLICE
 from control.kernels.compiled import kernel
 from control.kernels.small_algebra import rotate_back, solve_positive
 from control.robot_model import WRENCH_SIZE, RobotModel
+from control.values import value
 
 SUPPORT_ROWS = slice(0, 3 * len(LEGS))
 FORCE_ROWS = slice(3 * len(LEGS), 3 * len(LEGS) + 3)
@@ -206,7 +207,7 @@ def pseudo_inverse_wrench(jacobian: np.ndarray, residual: np.ndarray) -> np.ndar
     return x[:WRENCH_SIZE, 0]
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class WrenchProblem:
     """One instance of eq. (10) as a quadratic form: minimise 1/2 x^T H x - b^T x.
 

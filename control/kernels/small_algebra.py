@@ -79,6 +79,31 @@ def substitute(factor: np.ndarray, vector: np.ndarray) -> None:
         vector[j] /= factor[j, j]
 
 
+@kernel("void(f8[:,::1], f8[:,::1])")
+def substitute_all(factor: np.ndarray, vectors: np.ndarray) -> None:
+    """Solve L L^T X = B in place, for all columns at once.
+
+    Args:
+        factor: (n, n) of `factorize`.
+        vectors: (n, m) B, becomes X.
+    """
+    size, count = vectors.shape
+    for j in range(size):
+        for k in range(j):
+            for column in range(count):
+                vectors[j, column] -= factor[j, k] * vectors[k, column]
+        scale = 1.0 / factor[j, j]
+        for column in range(count):
+            vectors[j, column] *= scale
+    for j in range(size - 1, -1, -1):
+        for k in range(j + 1, size):
+            for column in range(count):
+                vectors[j, column] -= factor[k, j] * vectors[k, column]
+        scale = 1.0 / factor[j, j]
+        for column in range(count):
+            vectors[j, column] *= scale
+
+
 @kernel("b1(f8[:,::1], f8[::1])")
 def solve_positive(matrix: np.ndarray, vector: np.ndarray) -> bool:
     """Solve A x = b in place; False where A is not positive definite.

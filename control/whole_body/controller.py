@@ -1,15 +1,15 @@
 """The interface of every whole-body controller: the model-based one and learned policies."""
 
-from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 
 from control.robot_model import RobotModel
 from control.types import BaseState, Command, SensorFrame
+from control.values import value
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class ControllerInput:
     """What a controller may see. Nothing here is simulator truth.
 

@@ -1,15 +1,15 @@
 """The seam between the pipeline and whatever it drives. Simulation and hardware differ behind it and nowhere else."""
 
-from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 
 from control.frames import rotation_from_quaternion, rotation_heading_to_world
 from control.types import JointCommand, SensorFrame
+from control.values import value
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class GroundTruth:
     """Simulator truth, for rewards, evaluation and the "true" trace only; never seen by control/.
 

@@ -45,7 +45,7 @@ class StandingRobot:
     def tick(self) -> EstimatorInput:
         model, zero = self.model, np.zeros(3)
         model.update(np.eye(3), self.position, zero, zero, np.zeros(JOINT_COUNT))
-        arm = model.arm_gravity()
+        arm = model.arm_gravity
         gravity = self._scales[0] * arm + self._scales[1] * (model.gravity - arm)
         unsupported = gravity - model.wrench_jacobian[12:15].T @ self.force
         unsupported[:6] -= self.base_wrench

@@ -44,7 +44,7 @@ class Recording:
         for _ in range(count):
             position = NOMINAL_POSITION + np.r_[np.zeros(16), 0.3 * rng.normal(size=6)]
             model.update(np.eye(3), position, still, still, np.zeros(JOINT_COUNT))
-            arm = model.arm_gravity()
+            arm = model.arm_gravity
             friction = np.zeros(28)
             friction[model.joint_rows] = 0.3 * rng.choice([-1.0, 1.0], size=JOINT_COUNT)
             forces, groups = np.column_stack([arm, model.gravity - arm, friction]), friction_groups(model)
@@ -138,7 +138,7 @@ def beta_after_pressing(force_n: float) -> np.ndarray:
     """Beta of a robot that presses with 20 N for 10 s, the force acting 2 cm below its modelled point."""
     model, adaptation = RobotModel(), ModelAdaptation(ModelAdaptationConfig())
     model.update(np.eye(3), NOMINAL_POSITION, np.zeros(3), np.zeros(3), np.zeros(JOINT_COUNT))
-    arm = model.arm_gravity()
+    arm = model.arm_gravity
     forces = np.column_stack([arm, model.gravity - arm, np.zeros(28)])
     wrench = np.zeros(18)
     wrench[2:12:3] = model.total_mass * 9.81 / 4
@@ -181,7 +181,7 @@ def test_arm_gravity_is_what_the_arm_adds() -> None:
     """The arm loads only its own joints and the base: there it is its weight, at the arm's centre of mass."""
     model = RobotModel()
     model.update(np.eye(3), NOMINAL_POSITION, np.zeros(3), np.zeros(3), np.zeros(JOINT_COUNT))
-    arm = model.arm_gravity()
+    arm = model.arm_gravity
     np.testing.assert_allclose(arm[:3], [0, 0, model.arm_mass * 9.81], atol=1e-9)
     arm_rows = model.joint_rows[16:]
     np.testing.assert_allclose(arm[arm_rows], model.gravity[arm_rows], atol=1e-12)
