@@ -40,10 +40,16 @@ class RobotModelError(ValueError):
 class RobotModel:
     """Kinematics and dynamics at one configuration and velocity.
 
-    Every array attribute is a buffer that the next `update` overwrites: copy what must outlive the tick. Jacobians and
-    contact points are computed on first use after an update.
+    Every array attribute is a buffer that the next `update` overwrites: copy what must outlive the tick. Positions start at
+    the base origin, world-aligned.
 
     Attributes:
+        rotation_base_to_world, rotation_heading_to_world: (3, 3).
+        end_effector_position: (3,) m.
+        end_effector_rotation: (3, 3) end effector to world.
+        wheel_contact_positions: (4, 3) m, lowest point of each wheel's ellipsoid, whatever its camber.
+        wrench_jacobian: (18, 28) B^T of eq. (9): wheel contact points (12 rows), end-effector linear (3) and angular (3),
+            world-aligned.
         joint_rows: (22,) generalized row of each joint of control.joints.
         mass_matrix: (28, 28) M, with armature.
         coriolis_matrix: (28, 28) C with Mdot = C + C^T.
@@ -94,22 +100,22 @@ class RobotModel:
         self._arm_rows = self.joint_rows[ARM_SLICE]
         self._arm_center: np.ndarray = self._data.oYcrb[arm[0]].lever  # of all that the joint carries, world-aligned
         self._frame_positions = tuple(placement.translation for placement in placements)
-        self._end_effector_rotation: np.ndarray = placements[-1].rotation
+        self.end_effector_position: np.ndarray = placements[-1].translation
+        self.end_effector_rotation: np.ndarray = placements[-1].rotation
         self._wheel_rows = self.joint_rows[[JOINT_NAMES.index(name) for name in WHEEL_JOINT_NAMES]]
         self._supports = self._support_masks()
 
         size = self._model.nv
         self._configuration = pin.neutral(self._model)
         self._configuration[3:] = math.nan  # unlike whatever comes first
-        self._rotation, self._heading = np.eye(3), np.eye(3)
+        self.rotation_base_to_world, self.rotation_heading_to_world = np.eye(3), np.eye(3)
         self.velocity = np.zeros(size)
         self.momentum = np.zeros(size)
         self.momentum_drift = np.zeros(size)
         self.gravity, self.arm_gravity = np.zeros(size), np.zeros(size)
         self._points = np.zeros((len(LEGS) + 1, 3))
-        self._wheel_points = self._points[:-1]
-        self._wrench_jacobian = np.zeros((WRENCH_SIZE, size))
-        self._geometry_fresh = False
+        self.wheel_contact_positions = self._points[:-1]
+        self.wrench_jacobian = np.zeros((WRENCH_SIZE, size))
 
     def update(
         self,
@@ -142,7 +148,7 @@ class RobotModel:
         momentum_terms(
             self.mass_matrix,
             self.coriolis_matrix,
-            self._rotation,
+            self.rotation_base_to_world,
             velocity,
             self._arm_center,
             self.arm_mass,
@@ -161,45 +167,19 @@ class RobotModel:
             joint_position: (22,) rad.
         """
         rows, configuration = self._position_rows, self._configuration
-        if not configure(rotation_base_to_world, joint_position, rows, configuration, self._rotation, self._heading):
+        rotation, heading = self.rotation_base_to_world, self.rotation_heading_to_world
+        if not configure(rotation_base_to_world, joint_position, rows, configuration, rotation, heading):
             return
         pin.computeJointJacobians(self._model, self._data, self._configuration)
         pin.updateFramePlacements(self._model, self._data)
-        self._geometry_fresh = False
-
-    @property
-    def rotation_base_to_world(self) -> np.ndarray:
-        """(3, 3) of the last update."""
-        return self._rotation
-
-    @property
-    def rotation_heading_to_world(self) -> np.ndarray:
-        """(3, 3) of the last update."""
-        return self._heading
-
-    @property
-    def end_effector_position(self) -> np.ndarray:
-        """(3,) m, world-aligned, from the base origin."""
-        return self._frame_positions[-1]
-
-    @property
-    def end_effector_rotation(self) -> np.ndarray:
-        """(3, 3) end effector to world."""
-        return self._end_effector_rotation
-
-    @property
-    def wheel_contact_positions(self) -> np.ndarray:
-        """(4, 3) m, world-aligned, from the base origin: lowest point of each wheel's ellipsoid, whatever its camber."""
-        if not self._geometry_fresh:
-            self._refresh_geometry()
-        return self._wheel_points
-
-    @property
-    def wrench_jacobian(self) -> np.ndarray:
-        """(18, 28) B^T of eq. (9): wheel contact points (12 rows), end-effector linear (3) and angular (3), world-aligned."""
-        if not self._geometry_fresh:
-            self._refresh_geometry()
-        return self._wrench_jacobian
+        contact_geometry(
+            self._joint_jacobian,
+            self._frame_positions,
+            self._wheel_rows,
+            self._supports,
+            self._points,
+            self.wrench_jacobian,
+        )
 
     @property
     def wheel_contact_jacobians(self) -> np.ndarray:
@@ -215,19 +195,8 @@ class RobotModel:
     def center_of_mass(self) -> np.ndarray:
         """(3,) m, world-aligned, from the base origin; needs `update`."""
         center = np.empty(3)
-        mass_center(self.mass_matrix, self._rotation, self.total_mass, center)
+        mass_center(self.mass_matrix, self.rotation_base_to_world, self.total_mass, center)
         return center
-
-    def _refresh_geometry(self) -> None:
-        contact_geometry(
-            self._joint_jacobian,
-            self._frame_positions,
-            self._wheel_rows,
-            self._supports,
-            self._points,
-            self._wrench_jacobian,
-        )
-        self._geometry_fresh = True
 
     def _frame_index(self, name: str, mjcf: Path) -> int:
         # A site may share its name with its body; both lie at the same place, and sites come last.

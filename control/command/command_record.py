@@ -18,19 +18,13 @@ def commands(count: int) -> np.ndarray:
 
 def to_record(command: Command) -> np.ndarray:
     """The command's arrays as one record (1,)."""
-    values = np.zeros(1, COMMAND)
-    for name in COMMAND.names or ():
-        values[name] = getattr(command, name)
-    return values
+    c = command
+    # A record is written to slowly field by field.
+    numbers = np.concatenate((c.mask, c.force_n, c.position_m, c.orientation_wxyz, c.base_velocity), dtype=float)
+    return numbers.view(COMMAND)
 
 
 def from_record(values: np.ndarray, guidance: bool) -> Command:
-    """The Command whose arrays are those of the record (1,), without a copy."""
-    return Command(
-        mask=values["mask"][0],
-        force_n=values["force_n"][0],
-        position_m=values["position_m"][0],
-        orientation_wxyz=values["orientation_wxyz"][0],
-        base_velocity=values["base_velocity"][0],
-        guidance=guidance,
-    )
+    """A Command of the numbers in a record (1,), copied."""
+    numbers = values.view(float).copy()
+    return Command(numbers[0:3], numbers[3:6], numbers[6:9], numbers[9:13], numbers[13:16], guidance)

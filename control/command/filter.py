@@ -157,4 +157,4 @@ class CommandFilter:
         position, force = hand.position_in_heading[None], hand.force_estimated_n[None]
         limits = self._guidance_limits if command.guidance else self._limits
         filter_commands(limits, to_record(command), position, force, dt_s, self._state)
-        return from_record(self._state["applied"].copy(), command.guidance)
+        return from_record(self._state["applied"], command.guidance)

@@ -164,17 +164,17 @@ class AdaptiveEstimator(ProjectingEstimator):
 
     def observe(self, inputs: EstimatorInput) -> None:
         """Take in one 500 Hz tick, once; one in a control period adapts the model."""
-        if not self._residual.observe(inputs):
+        if not self.momentum.observe(inputs):
             return
-        if due(Job.ADAPTATION, inputs.tick) and self._residual.finite:
+        if due(Job.ADAPTATION, inputs.tick) and self.momentum.finite:
             self._adapt()
 
     def _adapt(self) -> None:
-        wrench = self._wrench(self._residual.inputs)
+        wrench = self._wrench(self.momentum.inputs)
         # In world axes: R is isotropic, so the frame of the wrenches does not matter here.
         self._adaptation.update(
-            self._residual.inputs.model.wrench_jacobian,
-            self.residual,
+            self.momentum.inputs.model.wrench_jacobian,
+            self.momentum.residual,
             self._trusted,
             self._costs,
             self._forces,
@@ -203,7 +203,7 @@ class AdaptiveEstimator(ProjectingEstimator):
             self._config.stop_margin_rad,
             model.joint_rows,
             self._rows,
-            self._residual.residuals,
+            self.momentum.residuals,
             model.arm_gravity,
             self._arm_rows,
             self._friction_groups,

@@ -114,6 +114,7 @@ class MomentumResidual:
     is not finite leaves no residual, and the observer starts over at the next one.
 
     Attributes:
+        newest: the newest tick; None before the first.
         residual: (28,) r, generalized order; the next tick overwrites it.
         residuals: (3, 28) r; N = M vdot + h of the nominal model; r with the nominal friction left in. All lag alike; the next
             tick overwrites them.
@@ -150,11 +151,11 @@ class MomentumResidual:
         """Forget the past; the next tick starts at rest equilibrium."""
         self._started = False
         self.finite = True
-        self._inputs: EstimatorInput | None = None
+        self.newest: EstimatorInput | None = None
 
     def observe(self, inputs: EstimatorInput) -> bool:
         """Advance by one tick and say so; a tick already taken in is ignored."""
-        if self._inputs is not None and inputs.tick == self._inputs.tick:
+        if self.newest is not None and inputs.tick == self.newest.tick:
             return False
         model, sensor = inputs.model, inputs.sensor
         self._started = self.finite = _advance(
@@ -174,12 +175,12 @@ class MomentumResidual:
             self._momentum_inputs,
             self._state,
         )
-        self._inputs = inputs
+        self.newest = inputs
         return True
 
     @property
     def inputs(self) -> EstimatorInput:
         """The newest tick. Raises RuntimeError before the first."""
-        if self._inputs is None:
+        if self.newest is None:
             raise RuntimeError("no tick observed since the last reset; call observe before estimate")
-        return self._inputs
+        return self.newest

@@ -17,20 +17,16 @@ class ProjectingEstimator(ABC):
     """Base of the estimators that project a momentum residual on contact wrenches.
 
     Attributes:
+        momentum: observes the residual r, which other estimators may share.
         unexplained: (28,) eps of eq. (9) at the last estimate, what no wrench explains of the residual that was projected;
             the next estimate overwrites it.
     """
 
     def __init__(self, residual: MomentumResidual) -> None:
-        self._residual = residual
+        self.momentum = residual
         self._last: ForceEstimate | None = None
         self._estimated_tick: int | None = None
         self.unexplained = np.zeros(6 + JOINT_COUNT)
-
-    @property
-    def residual(self) -> np.ndarray:
-        """(28,) r of the newest tick, generalized order. After the first tick only."""
-        return self._residual.residual
 
     def set_gains(self, k1: float, k2: float) -> None:
         """Change the observer gains, also for the estimators that share the observer.
@@ -38,17 +34,17 @@ class ProjectingEstimator(ABC):
         Raises:
             ValueError: a gain is not positive and finite.
         """
-        self._residual.gains = self._residual.gains.retuned(k1, k2)
+        self.momentum.gains = self.momentum.gains.retuned(k1, k2)
 
     def reset(self) -> None:
         """Forget the past; the next tick starts at rest equilibrium."""
-        self._residual.reset()
+        self.momentum.reset()
         self._last = self._estimated_tick = None
         self.unexplained[:] = 0.0
 
     def observe(self, inputs: EstimatorInput) -> None:
         """Take in one 500 Hz tick."""
-        self._residual.observe(inputs)
+        self.momentum.observe(inputs)
 
     def estimate(self) -> ForceEstimate:
         """Project the newest residual, once per tick; where that fails, the last good estimate comes back marked stale.
@@ -57,14 +53,14 @@ class ProjectingEstimator(ABC):
             RuntimeError: nothing has been observed since the last reset.
             WrenchProjectionError: the projection failed and there is no good estimate yet.
         """
-        inputs, residual = self._residual.inputs, self._residual.residual
+        inputs = self.momentum.inputs
         if self._last is not None and self._estimated_tick == inputs.tick:
             return self._last
         self._estimated_tick = inputs.tick
         try:
-            if not self._residual.finite:
+            if not self.momentum.finite:
                 raise WrenchProjectionError(None, "the residual is not finite")
-            self._last = self._project(inputs, residual)
+            self._last = self._project(inputs, self.momentum.residual)
         except WrenchProjectionError:
             if self._last is None:
                 raise

@@ -5,7 +5,7 @@ import numpy as np
 from control.frames import rotation_heading_to_world
 from control.kernels.compiled import kernel
 from control.kernels.records import record
-from control.robot_model import RobotModel
+from control.robot_model import RobotModel, mass_center
 
 BODY_TERMS = record(
     rotation_base_to_world=(3, 3),
@@ -36,14 +36,14 @@ _FIRST_ARM_JOINT = 16
 _HAND_ROW = 12
 
 
-@kernel("void(matrix, vector, vector, matrix, matrix, matrix, vector, i8[:], Terms[::1])", Terms=BODY_TERMS)
+@kernel("void(f8[:,::1], vector, matrix, matrix, f8[::1,:], f8, vector, i8[:], Terms[::1])", Terms=BODY_TERMS)
 def _fill(
     rotation_base_to_world: np.ndarray,
     hand: np.ndarray,
-    center_of_mass: np.ndarray,
     contacts: np.ndarray,
     wrench_jacobian: np.ndarray,
     mass_matrix: np.ndarray,
+    total_mass: float,
     gravity: np.ndarray,
     joint_rows: np.ndarray,
     out: np.ndarray,
@@ -55,9 +55,9 @@ def _fill(
     """
     terms = out[0]
     heading = rotation_heading_to_world(rotation_base_to_world)
+    mass_center(mass_matrix, rotation_base_to_world, total_mass, terms.center_of_mass)
     for i in range(3):
         terms.hand[i] = hand[i]
-        terms.center_of_mass[i] = center_of_mass[i]
         for j in range(3):
             terms.rotation_base_to_world[i, j] = rotation_base_to_world[i, j]
             terms.rotation_heading_to_world[i, j] = heading[i, j]
@@ -80,10 +80,10 @@ def body_terms(model: RobotModel) -> np.ndarray:
     _fill(
         model.rotation_base_to_world,
         model.end_effector_position,
-        model.center_of_mass,
         model.wheel_contact_positions,
         model.wrench_jacobian,
         model.mass_matrix,
+        model.total_mass,
         model.gravity,
         model.joint_rows,
         terms,

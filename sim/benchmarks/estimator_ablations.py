@@ -96,7 +96,7 @@ class _Adaptive(AdaptiveEstimator):
 
     def __init__(self, model: RobotModel, config: AdaptiveConfig, period_s: float, with_friction: bool) -> None:
         super().__init__(model, config, period_s)
-        self._residual = MomentumResidual(config.gains, period_s, with_friction)
+        self.momentum = MomentumResidual(config.gains, period_s, with_friction)
 
 
 class _GmoUnconstrained(ProjectingEstimator):

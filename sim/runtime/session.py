@@ -78,9 +78,9 @@ class Session(Generic[BackendT]):
 
     def tick(self, command: Command, command_age_s: float = 0.0) -> PipelineOutput:
         """Advance 2 ms: sense, think, act. `command_age_s` is the time since the operator was last heard."""
-        self._sensor = self.backend.read()
+        self._sensor = self._backend.read()
         self._output = self.pipeline.step(self._sensor, command, command_age_s)
-        self.backend.write(self._output.joint_command)
+        self._backend.write(self._output.joint_command)
         self.time_s += TICK_S
         return self._output
 

@@ -82,7 +82,7 @@ def signals_at(inputs: EstimatorInput, nominal: ProjectingEstimator, estimate: F
         inputs.mask,
         estimate.force_estimated_n,
         estimate.wheel_forces_in_heading,
-        nominal.residual,
+        nominal.momentum.residual,
         nominal.unexplained,
         nominal.mass_scales if isinstance(nominal, AdaptiveEstimator) else _NO_SCALES,
         inputs.model.joint_rows,

@@ -53,7 +53,8 @@ class LearnedEstimator:
 
     def observe(self, inputs: EstimatorInput) -> None:
         """Take in one 500 Hz tick."""
-        self._nominal.observe(inputs)
+        if self._nominal.momentum.newest is not inputs:
+            self._nominal.observe(inputs)
         self._inputs = inputs
 
     def estimate(self) -> ForceEstimate:

@@ -91,10 +91,10 @@ def test_all_names_are_made_and_share_one_paper_observer() -> None:
     assert tuple(estimators) == MODEL_BASED_NAMES
     pseudo_inverse, constrained = estimators["gmo_pi"], estimators["gmo_cqp"]
     assert isinstance(pseudo_inverse, GmoPseudoInverse) and isinstance(constrained, GmoConstrained)
-    assert pseudo_inverse._residual is constrained._residual
-    assert pseudo_inverse._residual.gains == PAPER_GAINS
+    assert pseudo_inverse.momentum is constrained.momentum
+    assert pseudo_inverse.momentum.gains == PAPER_GAINS
     pseudo_inverse.set_gains(10.0, 50.0)
-    assert constrained._residual.gains.k2 == 50.0
+    assert constrained.momentum.gains.k2 == 50.0
     with pytest.raises(ValueError, match="k2"):
         constrained.set_gains(10.0, -1.0)
 
