@@ -2,6 +2,7 @@
 
 import argparse
 import os
+import socket
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -42,15 +43,23 @@ def parser() -> argparse.ArgumentParser:
 def run(words: Sequence[str], starting: Starting) -> int:
     """Run the command; returns the exit status, 2 with one line on stderr when it cannot start."""
     arguments = parser().parse_args(words)
-    # What takes long to import is not needed to print a help text.
-    from server.compile_all import compile_all
+    from server.listening import PortInUseError, listen
 
-    compile_all(_tell_compiled)
+    try:
+        with listen(arguments.host, arguments.port) as listener:
+            return _serve(arguments, listener, starting)
+    except PortInUseError as error:
+        return _refuse(error)
+
+
+def _serve(arguments: argparse.Namespace, listener: socket.socket, starting: Starting) -> int:
+    # What takes long to import is not needed to print a help text.
+    _compile(listener)
     from control.pipeline import PipelineConfig
     from server.backend_choice import with_options
     from server.config import ConfigError, ServerConfig
     from server.errors import ServerError
-    from server.runner import PortInUseError, serve
+    from server.runner import serve
     from sim.backends.hardware.config import HardwareConfig
     from sim.runtime.simulation import SimulationConfig
 
@@ -74,10 +83,9 @@ def run(words: Sequence[str], starting: Starting) -> int:
                 {name: getattr(arguments, name) for name in ("domain", "interface", "arm_host", "arm_port", "allow_robot")},
             ),
         )
-        serve(config, announce)
-    except (ConfigError, PortInUseError, ServerError) as error:
-        _say(sys.stderr, f"forcelens: {error}")
-        return 2
+        serve(config, listener, announce)
+    except (ConfigError, ServerError) as error:
+        return _refuse(error)
     except KeyboardInterrupt:
         _say(sys.stdout, "Forcelens has stopped")
     return 0
@@ -92,8 +100,23 @@ def _token(arguments: argparse.Namespace) -> str | None:
     return arguments.token if arguments.token is not None else os.environ.get("FORCELENS_TOKEN") or None
 
 
-def _tell_compiled(done: int, count: int, _module: str) -> None:
-    _say(sys.stderr, f"Compiling the control laws, once: {done} of {count}")
+def _compile(listener: socket.socket) -> None:
+    """Compile what nobody has compiled yet; the terminal and whoever opens the page are told how far it is."""
+    from server.compile_all import compile_all
+    from server.waiting_page import WaitingPage, progress_text
+
+    with WaitingPage(listener) as page:
+
+        def tell(done: int, count: int, _module: str) -> None:
+            page.tell(done, count)
+            _say(sys.stderr, progress_text(done, count))
+
+        compile_all(tell)
+
+
+def _refuse(error: Exception) -> int:
+    _say(sys.stderr, f"forcelens: {error}")
+    return 2
 
 
 def _say(stream: TextIO, text: str) -> None:

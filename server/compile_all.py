@@ -50,7 +50,7 @@ def compile_all(
     """Compile every kernel that is not on disk yet; returns at once where all are, or where nothing can be kept.
 
     Args:
-        progress: told, whenever a file is done, the kernels done so far, how many there are, and the file's module.
+        progress: told at first, and whenever a file is done, how many kernels are, how many there are, and the file's module.
         root: folder of the packages, importable from there.
         packages: those that hold kernels.
         skip: packages among them that are left to compile when they are imported.
@@ -70,6 +70,7 @@ def compile_all(
     counts = {name: path.read_text().count(_MARK) for name, path in sources.items() if not name.startswith(skip)}
     counts = {name: count for name, count in counts.items() if count}
     done, total = 0, sum(counts.values())
+    progress(done, total, "")
     imports = {name: set(_imports(path, sources)) for name, path in sources.items()}
     order = TopologicalSorter({name: _reachable(name, imports) & counts.keys() for name in counts})
     order.prepare()

@@ -15,7 +15,7 @@ from control.timing import CONTROL_PERIOD_S, TICK_S, Job, due
 from server.estop_lane import EstopLane
 from server.event_port import EventPort
 from server.messages import Event, Outcome, Reply
-from server.pacing import Pacer
+from server.pacing import LoopStatistics, Pacer
 from server.run_control import RunControl
 from server.session_events import SLOW_EVENTS, EventError, SessionEvents
 from server.setpoint import default_setpoint, released
@@ -73,9 +73,11 @@ class ControlLoop:
         self._setpoint = default_setpoint()
         self._void_sequence = -1  # of the command that was asked before the last restart
         self._snapshot = np.zeros(1, SNAPSHOT)
-        self._snapshot[0]["realtime_scheduling"] = realtime
+        self._record: np.void = self._snapshot[0]
+        self._record["realtime_scheduling"] = realtime
         previous = state.read()
         self._sequence = 0 if previous is None else int(previous[0]["sequence"])  # goes on after a restart
+        self._statistics: LoopStatistics | None = None  # as in the snapshot
         self._urgent_publish = True
         self._answers: list[tuple[Event, Outcome, Any]] = []
         self._ticks = 0  # since the session's reset
@@ -121,7 +123,7 @@ class ControlLoop:
     def _answer(self) -> None:
         for event, outcome, value in self._answers:
             if outcome is Outcome.DONE and event.name == _CLEAR:
-                mode = self._snapshot[0]["mode"]
+                mode = self._record["mode"]
                 value = {"latched": bool(mode == Mode.ESTOP), "mode": Mode(mode).name.lower()}
             self._port.post(Reply(event.id, outcome, value))
         self._answers.clear()
@@ -162,7 +164,7 @@ class ControlLoop:
         self._void_sequence = int((self._setpoint if newest is None else newest)[0]["sequence"])
 
     def _publish(self) -> None:
-        record = self._snapshot[0]
+        record = self._record
         self._session.fill(record)
         self._sequence += 1
         record["sequence"] = self._sequence
@@ -173,17 +175,19 @@ class ControlLoop:
             record["mode"] = Mode.FAULT
         elif not self._run.running and record["mode"] == Mode.RUNNING:
             record["mode"] = Mode.PAUSED
-        statistics = self._pacer.statistics()
-        record["loop_rate_hz"] = statistics.rate_hz
-        record["real_time_factor"] = statistics.real_time_factor
-        record["overruns"] = statistics.overruns
-        record["overruns_last_minute"] = statistics.overruns_last_minute
-        record["overrun_share"] = statistics.overrun_share
-        record["rebases"] = statistics.rebases
-        record["held_s"] = statistics.held_s
-        record["lateness_p99_ms"] = statistics.lateness_p99_ms
-        record["tick_median_us"] = statistics.tick_median_us
         record["speed"] = self._run.speed
+        statistics = self._pacer.statistics()
+        if statistics != self._statistics:
+            self._statistics = statistics
+            record["loop_rate_hz"] = statistics.rate_hz
+            record["real_time_factor"] = statistics.real_time_factor
+            record["overruns"] = statistics.overruns
+            record["overruns_last_minute"] = statistics.overruns_last_minute
+            record["overrun_share"] = statistics.overrun_share
+            record["rebases"] = statistics.rebases
+            record["held_s"] = statistics.held_s
+            record["lateness_p99_ms"] = statistics.lateness_p99_ms
+            record["tick_median_us"] = statistics.tick_median_us
         self._state.write(self._snapshot)
         self._urgent_publish = False
 

@@ -4,7 +4,6 @@ A session has no clock and no sockets. Feed it set-points, tick it, and let it f
 only a robot can do stands in sim.runtime.simulation and sim.runtime.robot_session.
 """
 
-import math
 from dataclasses import replace
 from typing import Generic, TypeVar
 
@@ -15,9 +14,19 @@ from control.pipeline import Pipeline, PipelineConfig, PipelineOutput
 from control.timing import TICK_S
 from control.types import Command
 from sim.backends.protocol import Backend, GroundTruth
-from sim.runtime.snapshot import Mode, command_from_record, command_to_record
+from sim.runtime.snapshot import MAX_ESTIMATORS, NAME, Mode, command_from_record
 from sim.runtime.snapshot_limits import check_name, check_pipeline
-from sim.runtime.snapshot_writer import write_faults, write_forces, write_policy, write_robot
+from sim.runtime.snapshot_writer import (
+    newest_forces,
+    numbers_of,
+    track_error_power,
+    write_commands,
+    write_failures,
+    write_forces,
+    write_policy,
+    write_robot,
+    write_session,
+)
 
 ERROR_WINDOW_S = 5.0
 """Time constant of the live error of each estimator."""
@@ -46,7 +55,10 @@ class Session(Generic[BackendT]):
         backend.open()
         self.pipeline = Pipeline(pipeline or PipelineConfig())
         check_pipeline(self.pipeline)
-        self._error_power = np.empty(len(self.pipeline.estimator_names))
+        names = self.pipeline.estimator_names
+        self._error_power = np.empty(len(names))
+        self._estimator_names = np.array([*names] + [""] * (MAX_ESTIMATORS - len(names)), NAME)
+        self._filled: np.void | None = None
         self._asked, self._asked_command = b"", DEFAULT_COMMAND
         self._command_sequence = 0
         self._forget()
@@ -138,36 +150,26 @@ class Session(Generic[BackendT]):
         truth = self.truth()
         if truth is None or self._output is None:
             return
-        weight, true_force = min(1.0, interval_s / ERROR_WINDOW_S), truth.force_true_n.tolist()
-        for index, name in enumerate(self.pipeline.estimator_names):
-            estimate = self._output.estimates.get(name)
-            if estimate is None:
-                continue
-            error = zip(estimate.force_estimated_n.tolist(), true_force, strict=True)
-            power = sum((estimated - true) ** 2 for estimated, true in error)
-            last = float(self._error_power[index])
-            self._error_power[index] = power if math.isnan(last) else last + weight * (power - last)
+        forces = newest_forces(self._output.estimates, self.pipeline.estimator_names)
+        track_error_power(forces, truth.force_true_n, min(1.0, interval_s / ERROR_WINDOW_S), self._error_power)
 
     def fill(self, record: np.void) -> None:
         """Fill a SNAPSHOT record but for the loop's own fields. What this session has not is NaN, zero or empty."""
         output, truth = self.output, self.truth()
         names, selected = self.pipeline.estimator_names, self.pipeline.estimator_name
-        record["sequence"] += 1
-        record["time_s"] = self.time_s
-        record["mode"] = self.mode
-        write_faults(record, output)
+        if record is not self._filled:  # a console fills the same one again and again
+            self._filled, self._numbers = record, numbers_of(record)
+        numbers = self._numbers
+        write_session(numbers, self.time_s, self.mode, output.safety.faults, self._command_sequence)
+        write_failures(record, output.failures)
         record["backend"] = self.backend.name
         record["controller"] = self.pipeline.controller_name
         record["estimator"] = selected
-        record["command_sequence"] = self._command_sequence
-        command_to_record(self._command, record["command"])
-        write_robot(record, self._sensor, output, truth)
-        write_forces(record, output, truth, names, selected)
-        write_policy(record, self.pipeline.controllers[self.pipeline.controller_name])
-        record["force_errors_rms_n"] = np.nan
-        record["force_errors_rms_n"][: len(names)] = np.sqrt(self._error_power)
-        for name in ("mass_scale_true", "drag_target_in_world", "drag_force_n"):
-            record[name] = np.nan
+        record["estimator_names"] = self._estimator_names
+        write_commands(numbers, self._command, output.applied_command)
+        write_robot(numbers, self._sensor, output, truth)
+        write_forces(numbers, output, truth, names, selected, self._error_power)
+        write_policy(record, numbers, self.pipeline.controllers[self.pipeline.controller_name])
 
     def _forget(self) -> None:
         """As before the first tick, but for the pipeline and what counts on: the command's sequence number."""

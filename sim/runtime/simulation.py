@@ -16,6 +16,7 @@ from sim.backends.simulation.sensors import SensorConfig
 from sim.backends.simulation.wrenches import Pulse
 from sim.runtime.session import Session
 from sim.runtime.snapshot_limits import check_scene
+from sim.runtime.snapshot_writer import write_simulation
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,10 +107,7 @@ class Simulation(Session[MujocoBackend]):
         """See Session."""
         super().fill(record)
         record["scene"] = self.backend.scene
-        record["mass_scale_true"] = self.backend.mass_scale
-        record["drag_active"] = self._drag_target is not None
-        record["drag_target_in_world"] = np.nan if self._drag_target is None else self._drag_target
-        record["drag_force_n"] = self.backend.wrenches.drag_force_in_world @ self.truth().rotation_heading_to_world
+        write_simulation(self._numbers, self.backend.mass_scale, self._drag_target, self.backend.wrenches.drag_force_in_world)
 
     def _set_drag(self, target_in_world: np.ndarray | None) -> None:
         if target_in_world is not None or self._drag_target is not None:

@@ -15,7 +15,7 @@ import httpx
 import pytest
 
 from server.command_line import parser
-from server.runner import _listen
+from server.listening import listen
 from sim.emulator.command_line import parser as emulator_parser
 from tests.server.listening import tree
 
@@ -172,7 +172,7 @@ def test_without_a_folder_for_temporary_files_it_starts(tmp_path: Path) -> None:
 @pytest.mark.parametrize("host", ["::", "0::0"])
 @pytest.mark.skipif(not socket.has_dualstack_ipv6(), reason="no IPv6 that takes IPv4 along")
 def test_every_address_means_ipv4_too(host: str) -> None:
-    with _listen(host, 0) as listener:
+    with listen(host, 0) as listener:
         for address in ("127.0.0.1", "::1"):
             socket.create_connection((address, listener.getsockname()[1]), timeout=PATIENCE_S).close()
 
@@ -180,7 +180,7 @@ def test_every_address_means_ipv4_too(host: str) -> None:
 def test_where_ipv6_takes_no_ipv4_along_it_is_said(monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture) -> None:
     monkeypatch.setattr(socket, "has_dualstack_ipv6", lambda: False)
     try:
-        _listen("::", 0).close()
+        listen("::", 0).close()
     except OSError:
         pytest.skip("no IPv6")
     assert "--host 0.0.0.0" in caplog.text

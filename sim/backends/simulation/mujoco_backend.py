@@ -153,7 +153,7 @@ class MujocoBackend:
     @property
     def mass_scale(self) -> float:
         """Total mass of the simulated robot over nominal."""
-        return self._nominal.total_mass_scale(self._model)
+        return self._mass_scale
 
     def set_mismatch(self, mismatch: Mismatch) -> None:
         """Change masses, inertias and frictions from the next tick on; the state stays.
@@ -161,8 +161,7 @@ class MujocoBackend:
         Raises:
             ValueError: it names a link that the robot has not; nothing changes.
         """
-        self._nominal.apply(self._model, mismatch)
-        self._mismatch = mismatch
+        self._apply(mismatch)
 
     def set_drag(self, target_in_world: np.ndarray | None) -> None:
         """Pull the end effector towards a point (3,) m in world by the drag spring, or let go with None.
@@ -187,8 +186,13 @@ class MujocoBackend:
         self.wrenches = AppliedWrenches(model, data)
         self._truth = GroundTruthReader(model, data, self._scene.robot_bodies, self._scene.movable_bodies)
         self._nominal = NominalParameters(model, self._scene.robot_bodies)
-        self._nominal.apply(model, self._mismatch)
+        self._apply(self._mismatch)
         self.reset()
+
+    def _apply(self, mismatch: Mismatch) -> None:
+        self._nominal.apply(self._model, mismatch)
+        self._mismatch = mismatch
+        self._mass_scale = self._nominal.total_mass_scale(self._model)
 
     def _update_kinematics(self) -> None:
         # mj_step leaves poses and velocities of the tick's start; wrenches and truth need those of its end.
