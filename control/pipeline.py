@@ -196,6 +196,8 @@ class Pipeline:
         self.estimator_name = name
         self._failures.forgive(Fault.ESTIMATOR_ERROR, name)
         self.shown_slots = shown_slots(self.estimator_names, name, self.bases)
+        shown = self.shown_slots.items()
+        self._asked_for = [{name} | {other for other, own in shown if own == slot} for slot in range(SLOT_COUNT)]
 
     @property
     def estop_latched(self) -> bool:
@@ -281,11 +283,11 @@ class Pipeline:
 
     def _estimate(self, inputs: EstimatorInput) -> None:
         """New estimates of those whose turn it is. Where an estimator raises, its last good estimate is marked stale."""
-        slot = inputs.tick % SLOT_COUNT
+        asked = self._asked_for[inputs.tick % SLOT_COUNT]
         for name, estimator in self._estimators.items():
             try:
                 estimator.observe(inputs)
-                if name == self.estimator_name or slot == self.shown_slots[name]:
+                if name in asked:
                     self._estimates[name] = require_sound(estimator.estimate())
             except Exception as error:
                 self._failures.note(Fault.ESTIMATOR_ERROR, name, error, self._tick)

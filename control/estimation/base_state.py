@@ -69,15 +69,14 @@ _LARGEST_SURPRISE = 0.1
 """m/s of v_rolling - v_imu that the bias learns from: what exceeds it is slip, or wheels in the air."""
 
 
-@kernel("void(vector, vector, f8[:,::1], f8[::1])")
-def _attitude(orientation_wxyz: np.ndarray, angular_velocity: np.ndarray, rotation: np.ndarray, rates: np.ndarray) -> None:
-    """The rotation (3, 3) of a quaternion (4,) wxyz, and a copy (3,) of the angular velocity."""
+@kernel("void(vector, f8[:,::1])")
+def _attitude(orientation_wxyz: np.ndarray, rotation: np.ndarray) -> None:
+    """The rotation (3, 3) of a quaternion (4,) wxyz."""
     rotation[:] = rotation_from_quaternion(orientation_wxyz)
-    rates[:] = angular_velocity
 
 
 @kernel(
-    "Tuple((b1, f8))(f8[:,::1], f8[::1], vector, vector, i8[::1], f8[:,::1], f8[:,::1], b1,"
+    "Tuple((b1, f8))(f8[:,::1], vector, vector, vector, i8[::1], f8[:,::1], f8[:,::1], b1,"
     " Config[::1], f8[::1], f8[::1], f8[::1])",
     Config=BASE_STATE,
 )
@@ -182,8 +181,8 @@ class BaseStateEstimator:
             ValueError: the first frame is not finite.
         """
         model = self._model
-        rotation, rates, velocity = np.empty((3, 3)), np.empty(3), np.empty(3)
-        _attitude(sensor.orientation_wxyz, sensor.angular_velocity, rotation, rates)
+        rotation, velocity, rates = np.empty((3, 3)), np.empty(3), sensor.angular_velocity
+        _attitude(sensor.orientation_wxyz, rotation)
         model.update_configuration(rotation, sensor.joint_position)
         finite, height = complementary_filter(
             rotation,

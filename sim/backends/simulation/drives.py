@@ -26,7 +26,7 @@ class Drives:
         model.actuator_ctrllimited[drives] = 0
         self._dofs = np.array([model.joint(joint).dofadr[0] for joint in JOINT_NAMES], dtype=int)
         self._limit = model.actuator_forcerange[drives, 1].copy()
-        self._velocity_before = np.zeros(JOINT_COUNT)
+        self._velocity_before, self._torques = np.zeros(JOINT_COUNT), np.zeros(JOINT_COUNT)
         # MuJoCo makes a new view at every access.
         self._bias, self._control, self._velocity = model.actuator_biasprm, data.ctrl, data.qvel
         self._force = data.actuator_force
@@ -52,8 +52,7 @@ class Drives:
         )
 
     def torques(self, command: JointCommand) -> np.ndarray:
-        """(22,) N m that the drives have given over the tick with `command`."""
-        torques = np.empty(JOINT_COUNT)
+        """(22,) N m that the drives have given over the tick with `command`; the next tick's overwrite them."""
         _given_torques(
             self._force,
             self._velocity,
@@ -62,9 +61,9 @@ class Drives:
             self._dofs,
             self._limit,
             self._velocity_before,
-            torques,
+            self._torques,
         )
-        return torques
+        return self._torques
 
 
 @kernel("void(vector, vector, vector, vector, vector, i8[::1], i8[::1], f8[::1], f8[:,::1], f8[::1], f8[::1])")

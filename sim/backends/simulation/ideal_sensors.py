@@ -22,6 +22,7 @@ class IdealSensors:
         self._dofs = np.array([joint.dofadr[0] for joint in joints], dtype=int)
         self._lever = model.site("imu").pos.copy()
         self._period_s = model.opt.timestep
+        self._newest = np.empty(SAMPLE_SIZE)
         self.reset()
 
     def reset(self) -> None:
@@ -29,8 +30,7 @@ class IdealSensors:
         self._imu_velocity = np.zeros(3)
 
     def read(self, joint_torque: np.ndarray) -> np.ndarray:
-        """Sample (SAMPLE_SIZE,) of this tick. `joint_torque`: (22,) N m, see Drives.torques."""
-        sample = np.empty(SAMPLE_SIZE)
+        """Sample (SAMPLE_SIZE,) of this tick, which the next one overwrites. `joint_torque`: (22,) N m, see Drives.torques."""
         _sample(
             self._qpos,
             self._qvel,
@@ -40,9 +40,9 @@ class IdealSensors:
             self._lever,
             self._period_s,
             self._imu_velocity,
-            sample,
+            self._newest,
         )
-        return sample
+        return self._newest
 
 
 @kernel("void(f8[::1], f8[::1], f8[::1], i8[::1], i8[::1], f8[::1], f8, f8[::1], f8[::1])")

@@ -129,6 +129,7 @@ class SensorModel:
             ideal,
             self._scale,
             self._offset,
+            self._noise,
             self._next_noise(),
             config.joint_position_quantum,
             config.joint_torque_quantum,
@@ -142,14 +143,14 @@ class SensorModel:
             self._pending.popleft()
         return self._pending[0]
 
-    def _next_noise(self) -> np.ndarray:
-        if self._noise_row == _NOISE_BLOCK:
+    def _next_noise(self) -> int:
+        """Row of the noise of this tick."""
+        self._noise_row += 1
+        if self._noise_row >= _NOISE_BLOCK:
             self._random.standard_normal(out=self._noise)
             self._noise *= self._noise_std
             self._noise_row = 0
-        row = self._noise[self._noise_row]
-        self._noise_row += 1
-        return row
+        return self._noise_row
 
 
 def frame_of(time_s: float, sample: np.ndarray) -> SensorFrame:
@@ -183,12 +184,13 @@ def _turn(orientation_wxyz: np.ndarray, small_angle: np.ndarray, turned: np.ndar
     turned /= math.sqrt(turned[0] ** 2 + turned[1] ** 2 + turned[2] ** 2 + turned[3] ** 2)
 
 
-@kernel("void(f8[::1], f8[::1], f8[::1], f8[::1], f8, f8, f8[::1], f8, f8[::1], f8[::1])")
+@kernel("void(f8[::1], f8[::1], f8[::1], f8[:,::1], i8, f8, f8, f8[::1], f8, f8[::1], f8[::1])")
 def _distort(
     ideal: np.ndarray,
     scale: np.ndarray,
     offset: np.ndarray,
     noise: np.ndarray,
+    row: int,
     position_quantum: float,
     torque_quantum: float,
     attitude_bias: np.ndarray,
@@ -201,7 +203,8 @@ def _distort(
     Args:
         ideal: (SAMPLE_SIZE,).
         scale, offset: (72,) of the channels, that is of the sample without the orientation.
-        noise: (75,) of this tick: of the channels, then the step of the attitude's drift.
+        noise: (n, 75) of n ticks: of the channels, then the step of the attitude's drift.
+        row: this tick's.
         position_quantum, torque_quantum: rad, N m.
         attitude_bias: (3,) rad.
         drift_decay: factor on the drift per tick.
@@ -210,12 +213,12 @@ def _distort(
     """
     channels = len(scale)
     for channel in range(channels):
-        measured[channel] = ideal[channel] * scale[channel] + offset[channel] + noise[channel]
+        measured[channel] = ideal[channel] * scale[channel] + offset[channel] + noise[row, channel]
     for joint in range(JOINT_COUNT):
         measured[joint] = _quantised(measured[joint], position_quantum)
         measured[2 * JOINT_COUNT + joint] = _quantised(measured[2 * JOINT_COUNT + joint], torque_quantum)
     error = np.empty(3)
     for i in range(3):
-        attitude_drift[i] = drift_decay * attitude_drift[i] + noise[channels + i]
+        attitude_drift[i] = drift_decay * attitude_drift[i] + noise[row, channels + i]
         error[i] = attitude_bias[i] + attitude_drift[i]
     _turn(ideal[channels:], error, measured[channels:])
