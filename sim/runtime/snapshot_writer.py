@@ -27,11 +27,29 @@ _NO_ESTIMATE = ForceEstimate(np.full(3, np.nan), np.full((len(LEGS), 3), np.nan)
 """Of a selected estimator that has not given one yet."""
 
 
+_COMMAND = np.dtype((np.record, COMMAND))
+
+
 def _numbers_layout() -> np.dtype:
     fields = {name: SNAPSHOT[name] for name in SNAPSHOT.names or () if SNAPSHOT[name].base.kind != "S"}
-    formats = [(np.uint8, layout.shape) if layout.base.kind == "b" and layout.shape else layout for layout in fields.values()]
-    offsets = [(SNAPSHOT.fields or {})[name][1] for name in fields]
-    return np.dtype({"names": [*fields], "formats": formats, "offsets": offsets, "itemsize": SNAPSHOT.itemsize})
+    return np.dtype(
+        (
+            np.record,
+            {
+                "names": [*fields],
+                "formats": [_known(layout) for layout in fields.values()],
+                "offsets": [(SNAPSHOT.fields or {})[name][1] for name in fields],
+                "itemsize": SNAPSHOT.itemsize,
+            },
+        )
+    )
+
+
+def _known(layout: np.dtype) -> np.dtype:
+    """How kernels know a field."""
+    if layout == COMMAND:
+        return _COMMAND
+    return np.dtype((np.uint8, layout.shape)) if layout.shape and layout.base.kind == "b" else layout
 
 
 NUMBERS = _numbers_layout()
@@ -181,7 +199,7 @@ def _put_simulation(
     record.drag_force_n[2] = drag_force[2]
 
 
-@kernel("void(Command, vector, vector, vector, vector, vector, b1)", Command=COMMAND)
+@kernel("void(Command, vector, vector, vector, vector, vector, b1)", Command=_COMMAND)
 def _put_command(
     record: np.void,
     mask: np.ndarray,
