@@ -13,7 +13,9 @@ import numpy as np
 
 from control.estimation.force_estimator import EstimatorInput
 from control.estimation.model_adaptation import (
+    ARM,
     MASSES,
+    REST,
     ModelAdaptation,
     ModelAdaptationConfig,
     correct_residual,
@@ -138,7 +140,6 @@ class AdaptiveEstimator(ProjectingEstimator):
         """`period_s` is the tick length; `model` like the one that every tick's input carries."""
         super().__init__(MomentumResidual(config.gains, period_s, with_friction=True))
         self._config = config
-        self._arm_share = model.arm_mass / model.total_mass
         self._adaptation = ModelAdaptation(config.adaptation)
         self._rows = config.weights.rows(model)
         self._costs = config.weights.costs()
@@ -155,6 +156,10 @@ class AdaptiveEstimator(ProjectingEstimator):
     def reset(self) -> None:
         """Forget the past, the masses and the frictions."""
         super().reset()
+        self.forget_parameters()
+
+    def forget_parameters(self) -> None:
+        """Forget the masses and the frictions: the model is another one now."""
         self._adaptation.reset()
 
     def observe(self, inputs: EstimatorInput) -> None:
@@ -181,7 +186,9 @@ class AdaptiveEstimator(ProjectingEstimator):
         wrench = self._unconstrained_wrench()
         wheels_in_cones(inputs.model.rotation_heading_to_world, self._config.friction, wrench)
         forces, wheels = wrench[FORCE_ROWS], wrench[SUPPORT_ROWS].reshape(len(LEGS), 3)
-        return ForceEstimate(forces, wheels, mass_scale=self._mass_scale(), mass_adapting=self._adaptation.moving)
+        scales = self.mass_scales
+        total = scales[REST] + (scales[ARM] - scales[REST]) * inputs.model.arm_mass / inputs.model.total_mass
+        return ForceEstimate(forces, wheels, mass_scale=float(total), mass_scales=scales, mass_adapting=self._adaptation.moving)
 
     def _unconstrained_wrench(self) -> np.ndarray:
         """(18,) in world axes, of the newest residual after correction by the adapted model.
@@ -213,8 +220,3 @@ class AdaptiveEstimator(ProjectingEstimator):
         ):
             raise WrenchProjectionError(None, "H is not positive definite; every cost in R must be positive")
         return wrench
-
-    def _mass_scale(self) -> float:
-        """Total mass over nominal."""
-        arm, rest = self._adaptation.parameters[MASSES].tolist()
-        return 1.0 + rest + (arm - rest) * self._arm_share

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from control.command.axis_mask import CONTACT_NOISE_N
+from control.estimation.model_adaptation import ARM as ARM_MASS
 from control.joints import ARM_SLICE, DAMPING, STIFFNESS, TORQUE_LIMIT
 from control.kernels.compiled import kernel
 from control.kernels.records import config_record
@@ -79,9 +80,9 @@ class ArmConfig:
     surprise_n: float = 6.0
     brake_nspm: float = 60.0
     nearest_m: float = 0.40
-    yield_x_m: tuple[float, float] = (0.46, 0.74)
+    yield_x_m: tuple[float, float] = (0.42, 0.74)
     yield_y_m: tuple[float, float] = (-0.25, 0.25)
-    yield_z_m: tuple[float, float] = (0.42, 0.72)
+    yield_z_m: tuple[float, float] = (0.42, 0.63)
     border_m: float = 0.05
     border_load_limit_n: float = 40.0
     border_stiffness: float = 600.0
@@ -303,12 +304,13 @@ def arm_targets(
     _reference_twist(arm, terms, signals, memory, correction, force_share, back, twist)
     _resolve(arm, terms, signals, twist, velocity)
     force = _hand_force(arm, terms, signals, memory, correction, force_share, back)
+    mass = signals.mass_scales[ARM_MASS]
     for i in range(6):
         joint = _FIRST + i
-        torque = terms.gravity_torque[joint] + DAMPING[joint] * velocity[i]
+        torque = mass * terms.gravity_torque[joint] + DAMPING[joint] * velocity[i]
         for j in range(6):
             acceleration = arm.velocity_gain * (velocity[j] - signals.joint_velocity[_FIRST + j])
-            torque += terms.arm_inertia[i, j] * acceleration
+            torque += mass * terms.arm_inertia[i, j] * acceleration
         for row in range(3):
             torque += terms.hand_jacobian[row, i] * force[row]
         torque = clip(torque, -TORQUE_LIMIT[joint], TORQUE_LIMIT[joint])

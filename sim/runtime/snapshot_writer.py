@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from control.estimation.hand_load import HandLoadState
 from control.faults import Fault
 from control.frames import quaternion_from_rotation, rotation_heading_to_world
 from control.joints import LEGS
@@ -75,6 +76,7 @@ def write_forces(
     estimate = output.estimates.get(selected, _NO_ESTIMATE)
     record["force_estimated_n"] = estimate.force_estimated_n
     record["force_sigma_n"] = np.nan if estimate.sigma_n is None else estimate.sigma_n
+    record["estimator_flags"] = int(output.estimator_flags)
     record["wheel_force_estimated_n"] = estimate.wheel_forces_in_heading
     record["mass_adapting"] = estimate.mass_adapting
     record["mass_scale_estimated"] = np.nan if estimate.mass_scale is None else estimate.mass_scale
@@ -93,6 +95,15 @@ def write_forces(
     record["object_count"] = count
     record["object_position"][:count] = truth.object_positions[:count]
     record["object_orientation_wxyz"][:count] = truth.object_orientations_wxyz[:count]
+
+
+def write_hand_load(record: np.void, load: HandLoadState) -> None:
+    """Tool and tare of a SNAPSHOT record."""
+    record["tool_mass"] = load.tool.mass_kg
+    record["tool_center_of_mass"] = load.tool.center_of_mass_m
+    record["tool_progress"] = np.nan if load.identifying is None else load.identifying
+    record["tool_message"] = load.message.encode()
+    record["tare_n"] = load.offset_n
 
 
 def write_policy(record: np.void, controller: Controller) -> None:
