@@ -25,13 +25,13 @@ from control.command.self_contact import SelfContactBorder, SelfContactConfig
 from control.command.tip_over import feasible_force_scale, relief_velocity
 from control.estimation.base_state import BaseStateConfig, BaseStateEstimator
 from control.estimation.force_estimator import EstimatorInput, ForceEstimator, require_sound
-from control.estimation.hand_load import HandLoad
 from control.estimation.mistrust import EstimatorFlag, Mistrust, MistrustConfig
 from control.estimation.odometry import OdometryConfig, WheelOdometry
 from control.estimation.registry import EstimatorsConfig, adaptive_of, bases, make_estimators
-from control.estimation.tool import IdentificationConfig
 from control.failures import FailureError, Failures
 from control.faults import Fault
+from control.hand_load.load import HandLoad
+from control.hand_load.tool import IdentificationConfig
 from control.kernels.compiled import kernel
 from control.kernels.small_algebra import rotate_back
 from control.paths import WEIGHTS_DIRECTORY
@@ -133,6 +133,7 @@ class Pipeline:
         self.hand_load = HandLoad(config.identification, self.model, self._observed)
         self._filter = CommandFilter(config.limits)
         self._guidance = Guidance(config.guidance)
+        self._led_limits = replace(config.limits, force_n=config.limits.guidance_force_n)
         self._mistrust = Mistrust(config.mistrust, self.model)
         self._self_contact = SelfContactBorder(config.self_contact, self.model)
         self._reach = ReachWatch()
@@ -183,6 +184,7 @@ class Pipeline:
         self._filter.reset()
         self._guidance.reset()
         self._reach.reset()
+        self._self_contact.reset()
         self._safety.reset()
 
     def add_controller(self, name: str, controller: Controller) -> None:
@@ -290,7 +292,8 @@ class Pipeline:
             relief = relief_velocity(hand.force_estimated_n, bearable)
             command = replace(command, base_velocity=command.base_velocity + relief)
         if command is not self._asked:
-            self._asked, self._clipped = command, clip_command(command, limits)
+            bounds = self._led_limits if command.guidance else limits
+            self._asked, self._clipped = command, clip_command(command, bounds)
         command = self._clipped
         # A led hand asks for no force of its own: with less it would give way to the pull, not bear less of it.
         asked = _NO_FORCE if command.guidance else command.mask * command.force_n

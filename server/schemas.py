@@ -6,7 +6,7 @@ from pydantic import ConfigDict, Field, model_validator
 from pydantic_core import PydanticCustomError
 
 from control.command.limits import CommandLimits
-from control.estimation.tool import MAX_TOOL_CENTER_M, MAX_TOOL_KG
+from control.hand_load.tool import MAX_TOOL_CENTER_M, MAX_TOOL_KG
 from control.timing import TICK_S
 from server.fields import Mask, Number, RequestModel, Vector
 from server.run_control import MAX_STEPS, SPEED_RANGE

@@ -7,12 +7,12 @@ import numpy as np
 from control.types import Command
 
 AWAY_M = 0.02
-MOVING_MPS = 0.01
+STILL_M = 0.01
 AFTER_S = 1.0
 
 
 class ReachWatch:
-    """Counts the time for which the hand has stood still beside a reference that stands still."""
+    """Counts the time for which hand and reference have stood still beside each other."""
 
     def __init__(self) -> None:
         self.reset()
@@ -30,9 +30,11 @@ class ReachWatch:
             hand_position: (3,) m, in heading.
             dt_s: since the last step.
         """
-        error = (1.0 - applied.mask) * (applied.position_m - hand_position)
-        step = MOVING_MPS * dt_s
-        still = math.dist(hand_position, self._hand) < 5.0 * step and math.dist(applied.position_m, self._reference) < step
-        self._still_s = self._still_s + dt_s if still and math.hypot(*error) > AWAY_M else 0.0
-        self._hand, self._reference = hand_position, applied.position_m
+        tracked = 1.0 - applied.mask
+        error, reference = tracked * (applied.position_m - hand_position), tracked * applied.position_m
+        moved = max(math.dist(tracked * hand_position, self._hand), math.dist(reference, self._reference))
+        if moved > STILL_M or math.hypot(*error) < AWAY_M:
+            self._still_s = 0.0
+            self._hand, self._reference = tracked * hand_position, reference
+        self._still_s += dt_s
         return self._still_s >= AFTER_S

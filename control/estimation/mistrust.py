@@ -55,7 +55,7 @@ def _inspect(
     unexplained: np.ndarray,
     rows: np.ndarray,
 ) -> tuple[bool, float]:
-    """Whether one of the arm's joints may lie against a stop, and the norm (N m) of what no wrench explains of their torques.
+    """Whether one of the arm's joints may lie against a stop, and the norm (N m) of what no wrench explains of the others.
 
     Args:
         joint_position, lower, upper: (6,) rad, of the arm.
@@ -65,8 +65,10 @@ def _inspect(
     """
     stopped, square = False, 0.0
     for joint in range(len(rows)):
-        stopped |= not lower[joint] + margin < joint_position[joint] < upper[joint] - margin
-        square += unexplained[rows[joint]] ** 2
+        if lower[joint] + margin < joint_position[joint] < upper[joint] - margin:
+            square += unexplained[rows[joint]] ** 2
+        else:
+            stopped = True
     return stopped, math.sqrt(square)
 
 

@@ -11,8 +11,8 @@ from typing import Generic, TypeVar
 import numpy as np
 
 from control.command.limits import DEFAULT_COMMAND
-from control.estimation.tare import TareError
-from control.estimation.tool import Tool
+from control.hand_load.tare import TareError
+from control.hand_load.tool import Tool
 from control.pipeline import Pipeline, PipelineConfig, PipelineOutput
 from control.timing import TICK_S
 from control.types import Command

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from control.estimation.hand_load import HandLoadState
 from control.faults import Fault
 from control.frames import quaternion_from_rotation, rotation_heading_to_world
+from control.hand_load.load import HandLoadState
 from control.joints import LEGS
 from control.pipeline import PipelineOutput
 from control.policy.policy_controller import PolicyController

@@ -6,8 +6,8 @@ import numpy as np
 
 from control.command.command_record import COMMAND
 from control.estimation.adaptive_estimator import AdaptiveEstimator
-from control.estimation.tare import Tare, TareError
-from control.estimation.tool import IdentificationConfig, Tool, ToolError, ToolIdentification
+from control.hand_load.tare import Tare, TareError
+from control.hand_load.tool import IdentificationConfig, Tool, ToolError, ToolIdentification
 from control.robot_model import RobotModel
 from control.timing import CONTROL_PERIOD_S
 from control.types import Command
