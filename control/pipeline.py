@@ -282,6 +282,7 @@ class Pipeline:
         if not self._safety.in_control:
             # References start from wherever the robot is when the controller gets hold of it.
             self._filter.reset()
+            self._self_contact.reset()
             self._controller_reset_due = True
         limits = self.config.limits
         command = self.hand_load.refer(command, self._safety.in_control)

@@ -100,12 +100,15 @@ class SelfDistance:
             nearest: of the same configuration.
             twist: (6,) linear m/s and angular rad/s of the hand, world-aligned.
         """
-        model = self._model
-        jacobian = model.end_effector_jacobian[:, model.joint_rows[ARM_SLICE]]
+        jacobian = self._hand_jacobian()
         normal = jacobian @ jacobian.T + _DAMPING_M**2 * np.eye(6)
-        velocity = jacobian.T @ np.linalg.solve(normal, twist)
-        velocity[nearest.moving_joints :] = 0.0
-        angular = jacobian[3:] @ velocity
-        hand_fixed = jacobian[:3] @ velocity
-        point = hand_fixed + np.cross(angular, nearest.point_m - model.end_effector_position)
-        return -float(nearest.away @ point)
+        return -self.rate(nearest, jacobian.T @ np.linalg.solve(normal, twist))
+
+    def rate(self, nearest: Nearest, arm_velocity: np.ndarray) -> float:
+        """Change of the distance there, m/s, under joint velocities (6,), rad/s, of the arm."""
+        moving = np.where(np.arange(6) < nearest.moving_joints, arm_velocity, 0.0)
+        linear, angular = np.split(self._hand_jacobian() @ moving, 2)
+        return float(nearest.away @ (linear + np.cross(angular, nearest.point_m - self._model.end_effector_position)))
+
+    def _hand_jacobian(self) -> np.ndarray:
+        return self._model.end_effector_jacobian[:, self._model.joint_rows[ARM_SLICE]]

@@ -31,6 +31,8 @@ class SelfContactConfig:
 class SelfContactBorder:
     """Holds the hand where moving on to its target would bring the arm nearer to a body that is near already.
 
+    An arm that begins near the body, as after a fall, unfolds freely first.
+
     Attributes:
         distance_m: between arm and body at the last step; `watch_m` or more where they are farther apart.
     """
@@ -41,7 +43,8 @@ class SelfContactBorder:
         self.reset()
 
     def reset(self) -> None:
-        """Forget where the hand was held."""
+        """Begin anew, as when the controller gets hold of the robot."""
+        self._unfolded = False
         self.distance_m = self._config.watch_m
         self._held: tuple[np.ndarray, np.ndarray] | None = None
 
@@ -56,7 +59,8 @@ class SelfContactBorder:
         nearest = self._distance.nearest_within(config.watch_m)
         last, self.distance_m = self.distance_m, config.watch_m if nearest is None else nearest.distance_m
         ahead = self.distance_m + min(0.0, self.distance_m - last) * config.ahead_s / CONTROL_PERIOD_S
-        if nearest is None or ahead > config.border_m or command.mask.all():
+        self._unfolded |= self.distance_m > config.border_m
+        if nearest is None or ahead > config.border_m or not self._unfolded or command.mask.all():
             self._held = None
             return command, False
         heading = self._model.rotation_heading_to_world
