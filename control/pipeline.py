@@ -20,13 +20,18 @@ import numpy as np
 from control.command.filter import CommandFilter
 from control.command.guidance import Guidance, GuidanceConfig
 from control.command.limits import DEFAULT_COMMAND, CommandLimits, HandState, clip_command
+from control.command.reach_watch import ReachWatch
+from control.command.self_contact import SelfContactBorder, SelfContactConfig
 from control.command.tip_over import feasible_force_scale, relief_velocity
 from control.estimation.base_state import BaseStateConfig, BaseStateEstimator
 from control.estimation.force_estimator import EstimatorInput, ForceEstimator, require_sound
+from control.estimation.mistrust import EstimatorFlag, Mistrust, MistrustConfig
 from control.estimation.odometry import OdometryConfig, WheelOdometry
-from control.estimation.registry import EstimatorsConfig, bases, make_estimators
+from control.estimation.registry import EstimatorsConfig, adaptive_of, bases, make_estimators
 from control.failures import FailureError, Failures
 from control.faults import Fault
+from control.hand_load.load import HandLoad
+from control.hand_load.tool import IdentificationConfig
 from control.kernels.compiled import kernel
 from control.kernels.small_algebra import rotate_back
 from control.paths import WEIGHTS_DIRECTORY
@@ -38,6 +43,9 @@ from control.types import BaseState, Command, ForceEstimate, JointCommand, Odome
 from control.values import value
 from control.whole_body.controller import Controller, ControllerInput
 from control.whole_body.model_based import ModelBasedController
+
+MASS_SCALES = (0.6, 1.4)
+"""Estimated masses beyond these are not believed: a robot that is lifted seems lighter than it is."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +62,10 @@ class PipelineConfig:
     base_state: BaseStateConfig = field(default_factory=BaseStateConfig)
     odometry: OdometryConfig = field(default_factory=OdometryConfig)
     estimators: EstimatorsConfig = field(default_factory=EstimatorsConfig)
+    mistrust: MistrustConfig = field(default_factory=MistrustConfig)
+    identification: IdentificationConfig = field(default_factory=IdentificationConfig)
     guidance: GuidanceConfig = field(default_factory=GuidanceConfig)
+    self_contact: SelfContactConfig = field(default_factory=SelfContactConfig)
     safety: SafetyConfig = field(default_factory=SafetyConfig)
 
 
@@ -69,6 +80,7 @@ class PipelineOutput:
         odometry: where it has rolled to since the last reset.
         hand: pose, and the force that the selected estimator gives; zero before its first estimate.
         estimates: newest estimate by estimator, of those that have given one.
+        estimator_flags: why the estimate that feeds the controller is to be mistrusted.
         safety: what the gate did and why.
         failures: which controller or estimators raised what, by CONTROLLER_ERROR and ESTIMATOR_ERROR; empty when all is well.
     """
@@ -79,6 +91,7 @@ class PipelineOutput:
     odometry: Odometry
     hand: HandState
     estimates: dict[str, ForceEstimate]
+    estimator_flags: EstimatorFlag
     safety: SafetyStatus
     failures: dict[Fault, str]
 
@@ -104,6 +117,7 @@ class Pipeline:
 
     Attributes:
         bases: the estimator from whose estimate another one makes its own, by the name of the other one.
+        hand_load: tool and tare.
         shown_slots: slot of the timetable in which each estimator but the selected one is shown.
     """
 
@@ -114,10 +128,16 @@ class Pipeline:
         self._odometry = WheelOdometry(config.odometry, self.model)
         self._estimators = make_estimators(self.model, config.estimators)
         self.bases = bases(self._estimators)
+        self._observed = adaptive_of(self._estimators)
         self._controllers: dict[str, Controller] = {"model_based": ModelBasedController(self.model)}
         self._controllers |= make_policies(config.policies, self.model)
+        self.hand_load = HandLoad(config.identification, self.model, self._observed)
         self._filter = CommandFilter(config.limits)
         self._guidance = Guidance(config.guidance)
+        self._led_limits = replace(config.limits, force_n=config.limits.guidance_force_n)
+        self._mistrust = Mistrust(config.mistrust, self.model)
+        self._self_contact = SelfContactBorder(config.self_contact, self.model)
+        self._reach = ReachWatch()
         self._safety = SafetyGate(config.safety, self.model)
         self._failures = Failures()
         self.controller_name = ""
@@ -161,8 +181,11 @@ class Pipeline:
         self._odometry.reset()
         for estimator in self._estimators.values():
             estimator.reset()
+        self.hand_load.reset()
         self._filter.reset()
         self._guidance.reset()
+        self._reach.reset()
+        self._self_contact.reset()
         self._safety.reset()
 
     def add_controller(self, name: str, controller: Controller) -> None:
@@ -229,14 +252,20 @@ class Pipeline:
         base = self._base_state.step(sensor)
         self.model.update_velocity(base.linear_velocity_in_base, base.angular_velocity_in_base, sensor.joint_velocity)
         self._estimate(EstimatorInput(self._tick, self.model, sensor, base, self._applied.mask))
-        estimate = self._estimates.get(self.estimator_name)
+        flags, estimate = EstimatorFlag.NONE, self._estimates.get(self.estimator_name)
+        if estimate is not None:
+            unexplained, distance = self._observed.unexplained, self._self_contact.distance_m
+            flags, estimate = self._mistrust.judge(estimate, sensor.joint_position, unexplained, distance)
+            self._estimates[self.estimator_name] = estimate
         odometry = self._odometry.step(self.model.rotation_heading_to_world)
         hand = self._hand(base.height_m, _NO_FORCE if estimate is None else estimate.force_estimated_n)
         if estimate is not None:  # no controller acts on a force that nobody has estimated
             if due(Job.REFERENCES, self._tick) or self._starting:
-                self._refer(self._safety.check_command(command, command_age_s), hand)
+                self.hand_load.step(hand.force_estimated_n + self.hand_load.offset(self.estimator_name), sensor.joint_velocity)
+                self._refer(self._safety.check_command(command, command_age_s), hand, _bounded(estimate.mass_scale))
             if due(Job.CONTROLLER, self._tick) or self._starting:
-                self._control(ControllerInput(sensor, base, self.model, self._applied, hand.force_estimated_n))
+                masses = _NOMINAL if estimate.mass_scales is None else estimate.mass_scales.clip(*MASS_SCALES)
+                self._control(ControllerInput(sensor, base, self.model, self._applied, hand.force_estimated_n, masses))
             self._starting = False
         failures = self._failures.at(self._tick)
         reported = reduce(or_, failures, self._limited) if failures else self._limited
@@ -244,31 +273,40 @@ class Pipeline:
             reported |= Fault.ESTIMATOR_STALE
         joint_command, safety = self._safety.step(sensor, base, reported)
         self._tick += 1
-        return PipelineOutput(joint_command, self._applied, base, odometry, hand, self._estimates, safety, failures)
+        return PipelineOutput(joint_command, self._applied, base, odometry, hand, self._estimates, flags, safety, failures)
 
-    def _refer(self, command: Command, hand: HandState) -> None:
+    def _refer(self, command: Command, hand: HandState, mass_scale: float) -> None:
         if not self._safety.in_control:
             # References start from wherever the robot is when the controller gets hold of it.
             self._filter.reset()
+            self._self_contact.reset()
             self._controller_reset_due = True
         limits = self.config.limits
+        command = self.hand_load.refer(command, self._safety.in_control)
         command = self._guidance.step(command, hand, CONTROL_PERIOD_S)
-        bearable = feasible_force_scale(hand.force_estimated_n, self.model, limits.tip_over_margin_m)
+        bearable = feasible_force_scale(hand.force_estimated_n, self.model, limits.tip_over_margin_m, mass_scale)
         relieved = bearable < 1.0 and not command.guidance
         if relieved:
             relief = relief_velocity(hand.force_estimated_n, bearable)
             command = replace(command, base_velocity=command.base_velocity + relief)
         if command is not self._asked:
-            self._asked, self._clipped = command, clip_command(command, limits)
+            bounds = self._led_limits if command.guidance else limits
+            self._asked, self._clipped = command, clip_command(command, bounds)
         command = self._clipped
         # A led hand asks for no force of its own: with less it would give way to the pull, not bear less of it.
         asked = _NO_FORCE if command.guidance else command.mask * command.force_n
-        share = feasible_force_scale(asked, self.model, limits.tip_over_margin_m)
-        # Where the drives damp, nothing of the command acts that could be limited.
-        self._limited = Fault.TIP_OVER_LIMIT if (relieved or share < 1.0) and self._safety.in_control else Fault.NONE
+        share = feasible_force_scale(asked, self.model, limits.tip_over_margin_m, mass_scale)
+        limited = Fault.TIP_OVER_LIMIT if relieved or share < 1.0 else Fault.NONE
         if share < 1.0:
             command = replace(command, force_n=share * command.force_n)
+        command, held = self._self_contact.step(command, hand)
+        if held:
+            limited |= Fault.SELF_CONTACT_LIMIT
         self._applied = self._filter.step(command, hand, CONTROL_PERIOD_S)
+        if self._reach.step(self._applied, hand.position_in_heading, CONTROL_PERIOD_S):
+            limited |= Fault.OUT_OF_REACH
+        # Where the drives damp, nothing of the command acts that could be limited.
+        self._limited = limited if self._safety.in_control else Fault.NONE
 
     def _control(self, inputs: ControllerInput) -> None:
         """New targets. Where the controller raises, the last ones grow old, which the safety gate answers."""
@@ -288,11 +326,15 @@ class Pipeline:
             try:
                 estimator.observe(inputs)
                 if name in asked:
-                    self._estimates[name] = require_sound(estimator.estimate())
+                    self._estimates[name] = self._tared(name, require_sound(estimator.estimate()))
             except Exception as error:
                 self._failures.note(Fault.ESTIMATOR_ERROR, name, error, self._tick)
                 if name in self._estimates:
                     self._estimates[name] = replace(self._estimates[name], stale=True)
+
+    def _tared(self, name: str, estimate: ForceEstimate) -> ForceEstimate:
+        offset = self.hand_load.offset(name)
+        return replace(estimate, force_estimated_n=estimate.force_estimated_n - offset) if offset.any() else estimate
 
     def _hand(self, base_height_m: float, force_estimated_n: np.ndarray) -> HandState:
         model, position, rotation = self.model, np.empty(3), np.empty((3, 3))
@@ -327,5 +369,12 @@ def _hand_in_heading(
         rotation[0, axis], rotation[1, axis], rotation[2, axis] = column
 
 
+def _bounded(mass_scale: float | None) -> float:
+    """`mass_scale` as far as control believes it; 1 where nothing estimates it."""
+    return 1.0 if mass_scale is None else min(max(mass_scale, MASS_SCALES[0]), MASS_SCALES[1])
+
+
+_NOMINAL = np.ones(2)
 _NO_FORCE = np.zeros(3)
 _NO_FORCE.setflags(write=False)
+_NOMINAL.setflags(write=False)

@@ -58,8 +58,8 @@ class RobotModel:
         velocity: (28,) v.
         momentum: (28,) p = M v, eq. (3).
         momentum_drift: (28,) C^T v - g, which equals Mdot v - h of eq. (5).
-        total_mass: kg, nominal.
-        arm_mass: kg, nominal, of everything that the first arm joint carries.
+        total_mass: kg, nominal, with what the hand carries.
+        arm_mass: kg, the same of everything that the first arm joint carries.
         position_lower, position_upper: (22,) rad, infinite for wheels.
         joint_damping: (22,) N m s/rad, nominal.
         joint_friction: (22,) N m, nominal dry friction.
@@ -86,6 +86,7 @@ class RobotModel:
         self.total_mass = float(pin.computeTotalMass(self._model))
         arm = [self._model.getJointId(name) for name in ARM_JOINT_NAMES]
         self.arm_mass = float(sum(self._model.inertias[joint].mass for joint in arm))
+        self._last_link, self._nominal_last_link, self._carried_kg = arm[-1], pin.Inertia(self._model.inertias[arm[-1]]), 0.0
         self.position_lower = self._model.lowerPositionLimit[self._position_rows]
         self.position_upper = self._model.upperPositionLimit[self._position_rows]
         self.joint_damping = self._model.damping[self.joint_rows]
@@ -96,6 +97,7 @@ class RobotModel:
         self.coriolis_matrix: np.ndarray = self._data.C
         self._joint_jacobian: np.ndarray = self._data.J
         self.imu_position_in_base = self._model.frames[self._frame_index(IMU_FRAME, mjcf)].placement.translation.copy()
+        self._end_effector_frame = self._frame_index(END_EFFECTOR_FRAME, mjcf)
         placements = [self._data.oMf[self._frame_index(name, mjcf)] for name in (*WHEEL_CENTER_FRAMES, END_EFFECTOR_FRAME)]
         self._arm_rows = self.joint_rows[ARM_SLICE]
         self._arm_center: np.ndarray = self._data.oYcrb[arm[0]].lever  # of all that the joint carries, world-aligned
@@ -180,6 +182,36 @@ class RobotModel:
             self._points,
             self.wrench_jacobian,
         )
+
+    def carry(self, mass_kg: float, center_of_mass_m: np.ndarray) -> None:
+        """Add a load to the last link from the next update on, in place of the last one.
+
+        Args:
+            mass_kg: none or more.
+            center_of_mass_m: (3,) in the end effector's frame.
+        """
+        placement = self._model.frames[self._end_effector_frame].placement
+        load = placement.act(pin.Inertia(mass_kg, center_of_mass_m, np.zeros((3, 3))))
+        link = self._nominal_last_link + load
+        self._model.inertias[self._last_link] = link
+        added, self._carried_kg = mass_kg - self._carried_kg, mass_kg
+        self.arm_mass += added
+        self.total_mass += added
+
+    @property
+    def joint_configuration(self) -> np.ndarray:
+        """(22,) rad, joint angles of the last update in tree order."""
+        return self._configuration[7:]
+
+    @property
+    def pinocchio_model(self) -> pin.Model:
+        """For what else Pinocchio can compute from `pinocchio_data`."""
+        return self._model
+
+    @property
+    def pinocchio_data(self) -> pin.Data:
+        """Kinematics of the last update."""
+        return self._data
 
     @property
     def wheel_contact_jacobians(self) -> np.ndarray:

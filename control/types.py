@@ -96,6 +96,7 @@ class ForceEstimate:
         wheel_forces_in_heading: (4, 3) N, ground on wheels.
         sigma_n: (3,) standard deviation, or None where the estimator gives none.
         mass_scale: estimated overall mass over nominal mass, or None.
+        mass_scales: (2,) the same of the arm and of the rest, or None.
         mass_adapting: the estimated masses still move, and the force with them, beyond its standard deviation.
         stale: the projection failed this tick and the last good estimate is repeated.
     """
@@ -104,6 +105,7 @@ class ForceEstimate:
     wheel_forces_in_heading: np.ndarray
     sigma_n: np.ndarray | None = None
     mass_scale: float | None = None
+    mass_scales: np.ndarray | None = None
     mass_adapting: bool = False
     stale: bool = False
 

@@ -7,7 +7,7 @@ import contextlib
 import logging
 import threading
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -41,6 +41,8 @@ class Selection:
     gains: tuple[float, float] | None = None
     mass_scale: float = 1.0
     per_link: Mapping[str, float] | None = None
+    payload_kg: float = 0.0
+    payload_center_m: Sequence[float] = (0.0, 0.0, 0.0)
 
 
 class Operator:
@@ -154,11 +156,27 @@ class Operator:
         self._client.call("select_estimator", name=name, k1=gains[0], k2=gains[1])
         self.selection = replace(self.selection, gains=gains)
 
-    def set_mismatch(self, mass_scale: float, per_link: Mapping[str, float] | None = None) -> None:
-        """Scale the masses of the simulated robot."""
-        request = validated(MismatchRequest, {"mass_scale": mass_scale, "per_link": dict(per_link or {})})
+    def set_mismatch(self, mass_scale: float, **rest: Any) -> None:
+        """Scale the masses of the simulated robot and load its hand; `rest` as MismatchRequest."""
+        request = validated(MismatchRequest, {"mass_scale": mass_scale, **rest})
         self._client.call("set_mismatch", SLOW_CALL_TIMEOUT_S, **request)
         self.selection = replace(self.selection, **request)
+
+    def tare(self) -> None:
+        """Make what the free hand reads its zero."""
+        self._client.call("tare")
+
+    def clear_tare(self) -> None:
+        """Take nothing from the estimates any more."""
+        self._client.call("clear_tare")
+
+    def set_tool(self, mass_kg: float, center_of_mass_m: Sequence[float]) -> None:
+        """Tell controller and estimators what the hand carries."""
+        self._client.call("set_tool", mass_kg=mass_kg, center_of_mass_m=list(center_of_mass_m))
+
+    def identify_tool(self) -> None:
+        """Begin the motion that finds what the hand carries."""
+        self._client.call("identify_tool")
 
     def set_backend(self, name: str, **options: Any) -> None:
         """Drive the simulation or a robot, with a fresh control process; `options` as BackendChoice.options.

@@ -6,10 +6,11 @@ from pydantic import ConfigDict, Field, model_validator
 from pydantic_core import PydanticCustomError
 
 from control.command.limits import CommandLimits
+from control.hand_load.tool import MAX_TOOL_CENTER_M, MAX_TOOL_KG
 from control.timing import TICK_S
 from server.fields import Mask, Number, RequestModel, Vector
 from server.run_control import MAX_STEPS, SPEED_RANGE
-from sim.backends.simulation.mismatch import MASS_SCALE_RANGE
+from sim.backends.simulation.mismatch import MASS_SCALE_RANGE, PAYLOAD_RANGE_KG
 
 LIMITS = CommandLimits()
 
@@ -20,6 +21,7 @@ _VELOCITY = Vector((LIMITS.velocity_x_mps, LIMITS.velocity_y_mps, LIMITS.yaw_rat
 _ANY_FORCE = Vector(((-200.0, 200.0),) * 3, "N")
 _ANY_TORQUE = Vector(((-50.0, 50.0),) * 3, "N m")
 _ANY_POINT = Vector(((-2.0, 2.0),) * 3, "m")
+_TOOL_CENTER = Vector(((-MAX_TOOL_CENTER_M, MAX_TOOL_CENTER_M),) * 3, "m")
 _DURATION = Number((TICK_S, 600.0), "s")
 _GAIN = Number((0.1, 1000.0))
 _SEED = Number((0, 2**31 - 1))
@@ -150,6 +152,19 @@ class MismatchRequest(RequestModel):
 
     mass_scale: Annotated[float, Number(MASS_SCALE_RANGE)]
     per_link: dict[Name, Annotated[float, Number(MASS_SCALE_RANGE)]] = Field(default_factory=dict, max_length=MAX_LINKS)
+    payload_kg: Annotated[float, Number(PAYLOAD_RANGE_KG, "kg")] = Field(default=0.0, description="that the hand carries")
+    payload_center_m: Annotated[list[float], _TOOL_CENTER] = Field(
+        default=[0.0, 0.0, 0.0], description="in the end effector's frame"
+    )
+
+
+class ToolRequest(RequestModel):
+    """Tell what the hand carries beyond the nominal end effector."""
+
+    model_config = _examples({"mass_kg": 0.8, "center_of_mass_m": [0.05, 0, 0]}, {"mass_kg": 0, "center_of_mass_m": [0, 0, 0]})
+
+    mass_kg: Annotated[float, Number((0.0, MAX_TOOL_KG), "kg")]
+    center_of_mass_m: Annotated[list[float], _TOOL_CENTER] = Field(description="in the end effector's frame")
 
 
 class WrenchRequest(RequestModel):

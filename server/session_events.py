@@ -62,6 +62,10 @@ def offered_events(session: Session[Backend]) -> dict[str, Callable[..., Any]]:
     events: dict[str, Callable[..., Any]] = {
         "select_controller": session.select_controller,
         "select_estimator": session.select_estimator,
+        "tare": session.tare,
+        "clear_tare": session.clear_tare,
+        "set_tool": session.set_tool,
+        "identify_tool": session.identify_tool,
         "estop": session.estop,
         "clear_estop": session.clear_estop,
     }

@@ -16,7 +16,7 @@ from server.answers.command import CommandAnswer, CommandFields
 from server.answers.state import Base, Contact, Drive, EndEffector, Joints, Loop, Odometry
 from server.silence import NO_SILENCE, Silence
 from sim.backends.hardware.states import DriveState
-from sim.runtime.fault_words import SILENCE_WORDS, drive_fault_words, fault_words, message
+from sim.runtime.fault_words import SILENCE_WORDS, drive_fault_words, estimator_flags, fault_words, message
 from sim.runtime.snapshot import Mode, on_hardware
 
 
@@ -176,6 +176,7 @@ SECTIONS: dict[str, Callable[[np.void], Any]] = {
     "mass_scale_estimated": lambda record: _number(record["mass_scale_estimated"]),
     "mass_scale_true": lambda record: _number(record["mass_scale_true"]),
     "mass_adapting": lambda record: bool(record["mass_adapting"]),
+    "estimator_flags": lambda record: [str(flag.name) for flag in estimator_flags(record)],
     "loop": loop_json,
 }
 ALWAYS = ("sequence", "time_s", "mode", "faults")

@@ -8,6 +8,7 @@ import numpy as np
 import viser
 from viser import uplot
 
+from sim.runtime.fault_words import FLAG_WORDS, estimator_flags
 from web import theme
 from web.history import History
 from web.sink import ConsoleSink
@@ -52,6 +53,7 @@ def estimators_html(snapshot: np.void) -> str:
     adapting = ", adapting" if snapshot["mass_adapting"] else ""
     own = [
         ("Reported std. dev.", f"{np.linalg.norm(sigma):.2f} N" if np.isfinite(sigma).all() else "none"),
+        ("To be mistrusted", "; ".join(FLAG_WORDS[flag] for flag in estimator_flags(snapshot)) or "no"),
         ("Estimated mass", f"{scale:.2f} of nominal{adapting}" if np.isfinite(scale) else "none"),
     ]
     rows += [f'<tr><td>{what}</td><td align="right">{value}</td></tr>' for what, value in own]

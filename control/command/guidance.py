@@ -47,8 +47,8 @@ class GuidanceConfig:
     centring_stiffness: float = 40.0
     stretch_m: float = 0.10
     stretch_stiffness: float = 150.0
-    end_m: float = 0.18
-    end_stiffness: float = 400.0
+    end_m: float = 0.13
+    end_stiffness: float = 300.0
     glide_mps: float = 0.15
 
 

@@ -45,7 +45,8 @@ class CommandLimits:
         position_speed_mps, position_acceleration_mps2: of the position reference.
         orientation_speed_rps, orientation_acceleration_rps2: of the orientation reference.
         force_rate_nps: of each force reference.
-        guidance_force_rate_nps: the same under guidance, whose reference is a spring on the measured hand.
+        guidance_force_n: under guidance, whose spring holds a hand that is pulled with more than may be asked for.
+        guidance_force_rate_nps: of each force reference under guidance, whose reference is a spring on the measured hand.
         velocity_acceleration: (3,) of the base velocity reference, m/s^2, m/s^2, rad/s^2.
     """
 
@@ -64,6 +65,7 @@ class CommandLimits:
     orientation_speed_rps: float = 1.2
     orientation_acceleration_rps2: float = 4.0
     force_rate_nps: float = 50.0
+    guidance_force_n: Range = (-60.0, 60.0)
     guidance_force_rate_nps: float = 250.0
     velocity_acceleration: tuple[float, float, float] = (1.0, 0.5, 1.5)
 

@@ -12,13 +12,14 @@ _AROUND = (0, 2, 3, 1)
 """FL, RL, RR, FR: the wheels counterclockwise, seen from above."""
 
 
-def feasible_force_scale(force_n: np.ndarray, model: RobotModel, margin_m: float) -> float:
+def feasible_force_scale(force_n: np.ndarray, model: RobotModel, margin_m: float, mass_scale: float = 1.0) -> float:
     """Largest share, 0 to 1, of a force at the hand under which the centre of pressure stays within the wheels.
 
     Args:
         force_n: (3,) N, environment on hand, in heading.
         model: at the robot's configuration.
         margin_m: distance from the edges, `CommandLimits.tip_over_margin_m`.
+        mass_scale: of the robot, estimated over nominal.
 
     Returns:
         1 where the whole force can be borne; 0 where the robot tips already and the force adds to it.
@@ -31,7 +32,7 @@ def feasible_force_scale(force_n: np.ndarray, model: RobotModel, margin_m: float
         model.end_effector_position,
         model.center_of_mass,
         model.rotation_heading_to_world,
-        model.total_mass * GRAVITY_MPS2,
+        mass_scale * model.total_mass * GRAVITY_MPS2,
         margin_m,
     )
 

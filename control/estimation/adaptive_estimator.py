@@ -143,7 +143,6 @@ class AdaptiveEstimator(ProjectingEstimator):
         """`period_s` is the tick length; `model` like the one that every tick's input carries."""
         super().__init__(MomentumResidual(config.gains, period_s, with_friction=True))
         self._config = config
-        self._arm_share = model.arm_mass / model.total_mass
         self._adaptation = ModelAdaptation(config.adaptation)
         self._rows = config.weights.rows(model)
         self._costs = config.weights.costs()
@@ -160,6 +159,10 @@ class AdaptiveEstimator(ProjectingEstimator):
     def reset(self) -> None:
         """Forget the past, the masses and the frictions."""
         super().reset()
+        self.forget_parameters()
+
+    def forget_parameters(self) -> None:
+        """Forget the masses and the frictions: the model is another one now."""
         self._adaptation.reset()
 
     def observe(self, inputs: EstimatorInput) -> None:
@@ -183,11 +186,11 @@ class AdaptiveEstimator(ProjectingEstimator):
         )
 
     def _project(self, inputs: EstimatorInput, residual: np.ndarray) -> ForceEstimate:
-        wrench = self._wrench(inputs)
-        arm, rest = self._adaptation.parameters[MASSES].tolist()
-        mass_scale = 1.0 + rest + (arm - rest) * self._arm_share  # total mass over nominal
+        wrench, scales = self._wrench(inputs), self.mass_scales
+        arm, rest = scales.tolist()
+        total = rest + (arm - rest) * inputs.model.arm_mass / inputs.model.total_mass
         forces, wheels = wrench[FORCE_ROWS], wrench[SUPPORT_ROWS].reshape(_WHEELS, 3)
-        return ForceEstimate(forces, wheels, None, mass_scale, self._adaptation.moving)
+        return ForceEstimate(forces, wheels, mass_scale=total, mass_scales=scales, mass_adapting=self._adaptation.moving)
 
     def _wrench(self, inputs: EstimatorInput) -> np.ndarray:
         """(18,) in heading, of the newest residual after correction by the adapted model.

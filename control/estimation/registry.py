@@ -47,6 +47,12 @@ def bases(estimators: Mapping[str, ForceEstimator]) -> dict[str, str]:
     return {name: names[id(estimator.nominal)] for name, estimator in learned.items() if id(estimator.nominal) in names}
 
 
+def adaptive_of(estimators: Mapping[str, ForceEstimator]) -> AdaptiveEstimator:
+    """The one whose model of the robot is best, which tells most sharply what no wrench explains."""
+    (adaptive,) = (estimator for estimator in estimators.values() if isinstance(estimator, AdaptiveEstimator))
+    return adaptive
+
+
 def make_estimators(model: RobotModel, config: EstimatorsConfig) -> dict[str, ForceEstimator]:
     """The estimators by name, for inputs that carry `model`: MODEL_BASED_NAMES, then LEARNED_NAMES.
 

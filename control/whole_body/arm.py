@@ -12,10 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from control.command.axis_mask import CONTACT_NOISE_N
+from control.estimation.model_adaptation import ARM as ARM_MASS
 from control.joints import ARM_SLICE, DAMPING, STIFFNESS, TORQUE_LIMIT
 from control.kernels.compiled import kernel
 from control.kernels.records import config_record
 from control.kernels.small_algebra import Triple, clip, rotate, rotate_back, solve_positive
+from control.timing import CONTROL_PERIOD_S
 from control.whole_body.body_terms import BODY_TERMS
 from control.whole_body.reference_correction import CORRECTION
 from control.whole_body.task_memory import TASK_MEMORY
@@ -46,6 +48,7 @@ class ArmConfig:
         yield_speed_mps: a hand that is asked for no force, or feels `surprise_n` more than it is asked for, and yields faster
             is braked by what it is faster; beyond the border by all its speed.
         brake_nspm: N s/m, by which.
+        brake_share: of the momentum of the hand's apparent mass that it takes at most in one period: with more it would ring.
         nearest_m: distance from the shoulder within which it does not come.
         yield_x_m, yield_y_m, yield_z_m: box in heading within which a hand that is asked for no force yields: where the wheels
             stand wide enough for a firm pull, and the arm does not come near the robot.
@@ -78,10 +81,11 @@ class ArmConfig:
     yield_speed_mps: float = 0.4
     surprise_n: float = 6.0
     brake_nspm: float = 60.0
+    brake_share: float = 0.6
     nearest_m: float = 0.40
-    yield_x_m: tuple[float, float] = (0.46, 0.74)
+    yield_x_m: tuple[float, float] = (0.42, 0.74)
     yield_y_m: tuple[float, float] = (-0.25, 0.25)
-    yield_z_m: tuple[float, float] = (0.42, 0.72)
+    yield_z_m: tuple[float, float] = (0.42, 0.63)
     border_m: float = 0.05
     border_load_limit_n: float = 40.0
     border_stiffness: float = 600.0
@@ -203,6 +207,25 @@ def _reference_twist(
     twist[4] -= rate[1]
 
 
+@kernel("b1(Arm, Signals, vector, f8[:,::1], f8[::1])", Arm=ARM, Signals=TASK_SIGNALS)
+def _hold_at_ends(arm: np.record, signals: np.record, velocity: np.ndarray, normal: np.ndarray, wanted: np.ndarray) -> bool:
+    """Take joints that would move on towards their near end out of the normal equations; whether there was any.
+
+    Args:
+        velocity: (6,) rad/s, solution of
+        normal, wanted: (6, 6) and (6,), in which such a joint's velocity becomes zero.
+    """
+    held = False
+    for i in range(6):
+        q, margin = signals.joint_position[_FIRST + i], arm.limit_margin_rad
+        if (q > arm.upper[i] - margin and velocity[i] > 1e-9) or (q < arm.lower[i] + margin and velocity[i] < -1e-9):
+            held = True
+            for j in range(6):
+                normal[i, j] = normal[j, i] = 0.0
+            normal[i, i], wanted[i] = 1.0, 0.0
+    return held
+
+
 @kernel("void(Arm, Terms, Signals, vector, f8[::1])", Arm=ARM, Terms=BODY_TERMS, Signals=TASK_SIGNALS)
 def _resolve(arm: np.record, terms: np.record, signals: np.record, twist: np.ndarray, velocity: np.ndarray) -> None:
     """Damped least-squares joint velocity (6,) of a hand twist (6,), (J^T W J + d^2) v = J^T W t, within speed and ends."""
@@ -219,16 +242,34 @@ def _resolve(arm: np.record, terms: np.record, signals: np.record, twist: np.nda
             normal[i, j] = arm.damping**2 if i == j else 0.0
             for row in range(6):
                 normal[i, j] += weighted[row, i] * terms.hand_jacobian[row, j]
-    solve_positive(normal, velocity)
+    factor, wanted = normal.copy(), velocity.copy()
+    solve_positive(factor, velocity)
+    # A joint near its end moves no further towards it: the others serve what is left, the position before the orientation.
+    while _hold_at_ends(arm, signals, velocity, normal, wanted):
+        factor[:], velocity[:] = normal, wanted
+        solve_positive(factor, velocity)
     fastest = 1e-9
     for i in range(6):
         fastest = max(fastest, abs(velocity[i]))
     share = min(1.0, arm.joint_speed_limit_rps / fastest)
     for i in range(6):
         velocity[i] *= share
-        q, margin = signals.joint_position[_FIRST + i], arm.limit_margin_rad
-        if (q > arm.upper[i] - margin and velocity[i] > 0.0) or (q < arm.lower[i] + margin and velocity[i] < 0.0):
-            velocity[i] = 0.0
+
+
+@kernel("f8(Terms, Signals, i8)", Terms=BODY_TERMS, Signals=TASK_SIGNALS)
+def _apparent_mass(terms: np.record, signals: np.record, axis: int) -> float:
+    """Mass, kg, that a force at the hand along a heading axis feels of the arm: 1 / (j M^-1 j^T) with j = e^T J."""
+    heading = terms.rotation_heading_to_world
+    row, inertia = np.empty(6), np.empty((6, 6))
+    for i in range(6):
+        row[i] = 0.0
+        for k in range(3):
+            row[i] += heading[k, axis] * terms.hand_jacobian[k, i]
+        for j in range(6):
+            inertia[i, j] = signals.mass_scales[ARM_MASS] * terms.arm_inertia[i, j]
+    moved = row.copy()
+    solve_positive(inertia, moved)
+    return 1.0 / max(np.dot(row, moved), 1e-3)
 
 
 @kernel(
@@ -261,11 +302,14 @@ def _hand_force(
         regulation = arm.force_gain * near + arm.force_integral_gain * memory.force_integral[i] - command.force_n[i]
         holding = command.mask[i] if back[i] != 0.0 else 0.0
         most = (1.0 - holding) * arm.load_limit_n + holding * arm.border_load_limit_n
-        load = clip(arm.load_gain * signals.force_estimated_n[i], -most, most)
+        load = clip((1.0 - memory.released[i]) * arm.load_gain * signals.force_estimated_n[i], -most, most)
         pulled = command.force_n[i] == 0.0 or abs(error) > arm.surprise_n
         yielding = command.mask[i] if pulled else 0.0
         free = arm.yield_speed_mps * (force_share[i] if back[i] != 0.0 else 1.0)
-        brake = arm.brake_nspm * (arm_velocity[i] - clip(arm_velocity[i], -free, free))
+        damping = 0.0
+        if yielding > 0.0:
+            damping = min(arm.brake_nspm, arm.brake_share * _apparent_mass(terms, signals, i) / CONTROL_PERIOD_S)
+        brake = damping * (arm_velocity[i] - clip(arm_velocity[i], -free, free))
         force[i] = (
             yielding * (arm.border_stiffness * (1.0 - force_share[i]) * back[i] - brake)
             + force_share[i] * (regulation + correction.hand_force[i])
@@ -303,12 +347,13 @@ def arm_targets(
     _reference_twist(arm, terms, signals, memory, correction, force_share, back, twist)
     _resolve(arm, terms, signals, twist, velocity)
     force = _hand_force(arm, terms, signals, memory, correction, force_share, back)
+    mass = signals.mass_scales[ARM_MASS]
     for i in range(6):
         joint = _FIRST + i
-        torque = terms.gravity_torque[joint] + DAMPING[joint] * velocity[i]
+        torque = mass * terms.gravity_torque[joint] + DAMPING[joint] * velocity[i]
         for j in range(6):
             acceleration = arm.velocity_gain * (velocity[j] - signals.joint_velocity[_FIRST + j])
-            torque += terms.arm_inertia[i, j] * acceleration
+            torque += mass * terms.arm_inertia[i, j] * acceleration
         for row in range(3):
             torque += terms.hand_jacobian[row, i] * force[row]
         torque = clip(torque, -TORQUE_LIMIT[joint], TORQUE_LIMIT[joint])

@@ -17,6 +17,8 @@ BODY_TERMS = record(
     contact_jacobian=(16, 3),
     gravity_torque=22,
     arm_inertia=(6, 6),
+    arm_mass=(),
+    rest_mass=(),
 )
 """Vectors are world-aligned and start at the base origin; masses are nominal.
 
@@ -27,6 +29,7 @@ Fields:
     contact_jacobian: by joint of legs and wheels, of the contact point of its own leg.
     gravity_torque: N m, that holds each joint against gravity.
     arm_inertia: kg m^2, mass matrix of the arm's joints.
+    arm_mass, rest_mass: kg, of the arm and of the rest of the robot.
 """
 
 LEG_OF_JOINT = (0, 0, 0, 1, 1, 1, 2, 2, 2, 3, 3, 3, 0, 1, 2, 3)
@@ -36,24 +39,27 @@ _FIRST_ARM_JOINT = 16
 _HAND_ROW = 12
 
 
-@kernel("void(f8[:,::1], vector, matrix, matrix, f8[::1,:], f8, vector, i8[:], Terms[::1])", Terms=BODY_TERMS)
+@kernel("void(f8[:,::1], vector, matrix, matrix, f8[::1,:], vector, i8[:], f8, f8, Terms[::1])", Terms=BODY_TERMS)
 def _fill(
     rotation_base_to_world: np.ndarray,
     hand: np.ndarray,
     contacts: np.ndarray,
     wrench_jacobian: np.ndarray,
     mass_matrix: np.ndarray,
-    total_mass: float,
     gravity: np.ndarray,
     joint_rows: np.ndarray,
+    arm_mass: float,
+    total_mass: float,
     out: np.ndarray,
 ) -> None:
     """Pick the terms (1,) of one robot out of the model's; shapes and units as in RobotModel and BODY_TERMS.
 
     Args:
         joint_rows: (22,) generalized row of each joint.
+        arm_mass, total_mass: kg.
     """
     terms = out[0]
+    terms.arm_mass, terms.rest_mass = arm_mass, total_mass - arm_mass
     heading = rotation_heading_to_world(rotation_base_to_world)
     mass_center(mass_matrix, rotation_base_to_world, total_mass, terms.center_of_mass)
     for i in range(3):
@@ -83,9 +89,10 @@ def body_terms(model: RobotModel) -> np.ndarray:
         model.wheel_contact_positions,
         model.wrench_jacobian,
         model.mass_matrix,
-        model.total_mass,
         model.gravity,
         model.joint_rows,
+        model.arm_mass,
+        model.total_mass,
         terms,
     )
     return terms

@@ -1,5 +1,6 @@
 """The interface of every whole-body controller: the model-based one and learned policies."""
 
+from dataclasses import field
 from typing import Protocol
 
 import numpy as np
@@ -19,6 +20,7 @@ class ControllerInput:
         model: robot model, updated with both.
         command: as applied: after guidance, limits, the tip-over limit and rate limits.
         force_estimated_n: (3,) N, estimated, environment on end effector.
+        mass_scales: (2,) estimated masses of arm and rest over nominal.
     """
 
     sensor: SensorFrame
@@ -26,6 +28,7 @@ class ControllerInput:
     model: RobotModel
     command: Command
     force_estimated_n: np.ndarray
+    mass_scales: np.ndarray = field(default_factory=lambda: np.ones(2))
 
 
 class Controller(Protocol):

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from control.estimation.model_adaptation import ARM, REST
 from control.joints import NOMINAL_BASE_HEIGHT_M, STIFFNESS, WHEEL_RADIUS_M
 from control.kernels.compiled import kernel
 from control.kernels.records import config_record, record
@@ -45,8 +46,8 @@ class LegConfig:
     surprise_n: float = 6.0
 
 
-LEGS = config_record(LegConfig(), total_mass=())
-"""The numbers of LegConfig, and the robot's nominal mass, kg."""
+LEGS = config_record(LegConfig())
+"""The numbers of LegConfig."""
 
 LEG_STATE = record(traction=())
 """Steering traction, N: push of the left wheels against the right ones beyond the balance; zero at rest."""
@@ -73,7 +74,8 @@ def ground_forces(legs: np.record, terms: np.record, signals: np.record, hand_fo
     sway = rotate(heading, np.array([command.base_velocity[0] - velocity[0], command.base_velocity[1] - velocity[1], 0.0]))
     fx = legs.sway_damping * sway[0] - h[0]
     fy = legs.sway_damping * sway[1] - h[1]
-    fz = legs.total_mass * GRAVITY_MPS2 + legs.height_stiffness * (NOMINAL_BASE_HEIGHT_M - signals.base_height) - h[2]
+    mass = signals.mass_scales[ARM] * terms.arm_mass + signals.mass_scales[REST] * terms.rest_mass
+    fz = mass * GRAVITY_MPS2 + legs.height_stiffness * (NOMINAL_BASE_HEIGHT_M - signals.base_height) - h[2]
     fz -= legs.height_damping * velocity[2]
 
     middle, arms, moment, spread = np.zeros(3), np.empty((4, 3)), np.empty(3), np.zeros((3, 3))
@@ -108,11 +110,11 @@ def ground_forces(legs: np.record, terms: np.record, signals: np.record, hand_fo
         out[wheel, 2] = 0.25 * fz + wx * ry - wy * rx
 
 
-@kernel("f8(Terms, matrix, i8)", Terms=BODY_TERMS)
-def _balanced_torque(terms: np.record, forces: np.ndarray, joint: int) -> float:
+@kernel("f8(Terms, Signals, matrix, i8)", Terms=BODY_TERMS, Signals=TASK_SIGNALS)
+def _balanced_torque(terms: np.record, signals: np.record, forces: np.ndarray, joint: int) -> float:
     """Static balance of a joint of legs or wheels under ground forces (4, 3): tau = g - J_c^T lambda, N m."""
     leg = LEG_OF_JOINT[joint]
-    torque = terms.gravity_torque[joint]
+    torque = signals.mass_scales[REST] * terms.gravity_torque[joint]
     for i in range(3):
         torque -= terms.contact_jacobian[joint, i] * forces[leg, i]
     return torque
@@ -150,7 +152,7 @@ def leg_targets(
     for wheel in range(4):
         load += 0.25 * forces[wheel, 2]
         lightest = min(lightest, forces[wheel, 2])
-        wheel_torque[wheel] = _balanced_torque(terms, forces, _LEG_JOINTS + wheel)
+        wheel_torque[wheel] = _balanced_torque(terms, signals, forces, _LEG_JOINTS + wheel)
         difference += LEFT_MINUS_RIGHT[wheel] * (signals.joint_torque[_LEG_JOINTS + wheel] - wheel_torque[wheel])
     # Skid steering pushes the left wheels against the right ones beyond the balance: the legs must bear that as well.
     # The common part stays out; fed forward it would drive the trunk's sway over the wheels.
@@ -160,7 +162,7 @@ def leg_targets(
             forces[wheel, i] += state.traction * LEFT_MINUS_RIGHT[wheel] * terms.rotation_heading_to_world[i, 0]
     for joint in range(_LEG_JOINTS):
         q, dq = signals.joint_position[joint], signals.joint_velocity[joint]
-        offset = _balanced_torque(terms, forces, joint) / STIFFNESS[joint]
+        offset = _balanced_torque(terms, signals, forces, joint) / STIFFNESS[joint]
         offset += legs.posture_gain * (posture[joint] - q) - legs.posture_damping * dq
         targets[joint] = posture[joint] + clip(offset, -legs.offset_limit_rad, legs.offset_limit_rad)
     return lightest / load

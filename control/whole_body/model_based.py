@@ -124,7 +124,7 @@ class ModelBasedLaw:
                 shoulder=limits.shoulder_m,
                 reach=limits.reach_m,
             ),
-            legs=packed(LEGS, config.legs, total_mass=model.total_mass),
+            legs=packed(LEGS, config.legs),
             stance=stance_record(config.stance, model),
             wheels=packed(
                 WHEELS,

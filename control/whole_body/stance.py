@@ -25,11 +25,11 @@ class StanceConfig:
     speed_mps: fastest shift.
     """
 
-    gain: float = 2.0
+    gain: float = 5.0
     dead_band_m: float = 0.025
     return_gain: float = 0.2
-    limit_m: float = 0.06
-    speed_mps: float = 0.1
+    limit_m: float = 0.14
+    speed_mps: float = 0.4
 
 
 STANCE = config_record(StanceConfig(), leg_rad_per_m=(12, 2))

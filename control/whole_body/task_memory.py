@@ -29,6 +29,10 @@ class TaskMemoryConfig:
     force_error_limit_n: force errors beyond it are not integrated.
     rest_force_n: a force felt that is smaller leaves a hand at rest that is asked for no force.
     force_limit_ns: N s, of the integrated force error.
+    still_mps: slower, a position reference stands still.
+    still_s: after which a standing axis of a pressing hand lets go what friction holds.
+    pressing_n: force felt, of one asked for, from which the hand presses.
+    release_s: time constant of letting go.
     yaw_limit_rad: of the integrated yaw rate error.
     traction_smoothing: weight of the newest wheel torques in the steering traction.
     """
@@ -37,6 +41,10 @@ class TaskMemoryConfig:
     force_error_limit_n: float = 8.0
     rest_force_n: float = CONTACT_NOISE_N
     force_limit_ns: float = 1.2
+    still_mps: float = 0.002
+    still_s: float = 0.5
+    pressing_n: float = 2.0
+    release_s: float = 0.3
     yaw_limit_rad: float = 0.8
     traction_smoothing: float = 0.2
 
@@ -54,6 +62,8 @@ TASK_MEMORY = record(
     reference=3,
     anchor=3,
     rest=3,
+    still_s=3,
+    released=3,
     held=4,
     started=(),
     standing=(),
@@ -68,6 +78,9 @@ Fields:
     wheel_hold: rad, held wheel angle minus angle; zero while driving.
     steering_traction: N, mean push of the left wheels against the right ones.
     rest: m, where the hand was last moved to by a force on an axis that is asked for none.
+    still_s: s, since the position reference moved.
+    released: share, 0 to 1, by which a position axis carries no load: that of a pressing hand whose reference stands still,
+        since what it feels is the friction that it makes.
     anchor: m, where the hand was when the axis began to be asked for no force.
     reference, held: position reference and held wheel angles of the last step; started, standing: 1 or 0, of the last step.
 """
@@ -77,6 +90,10 @@ Fields:
 def _remember(config: np.record, signals: np.record, memory: np.record) -> None:
     """Take in one control period of one robot: e <- clip(e + error dt, +-limit) while an axis keeps its mode."""
     command = signals.command
+    pressing = False
+    for i in range(3):
+        felt = signals.force_estimated_n[i] if command.force_n[i] > 0.0 else -signals.force_estimated_n[i]
+        pressing |= command.mask[i] > 0.5 and command.force_n[i] != 0.0 and felt > config.pressing_n
     for i in range(3):
         on_force = command.mask[i]
         integral = memory.position_integral[i] + CONTROL_PERIOD_S * position_error(signals, i)
@@ -91,6 +108,10 @@ def _remember(config: np.record, signals: np.record, memory: np.record) -> None:
         last = memory.reference[i] if memory.started > 0.0 else position
         memory.reference_velocity[i] = (1.0 - on_force) * (position - last) / CONTROL_PERIOD_S
         memory.reference[i] = position
+        still = pressing and on_force < 0.5 and abs(memory.reference_velocity[i]) < config.still_mps
+        memory.still_s[i] = memory.still_s[i] + CONTROL_PERIOD_S if still else 0.0
+        memory.released[i] = clip(memory.still_s[i] / config.still_s - 1.0, 0.0, 1.0)
+        memory.position_integral[i] *= 1.0 - memory.released[i] * CONTROL_PERIOD_S / config.release_s
         if on_force < 0.5 or command.force_n[i] != 0.0 or memory.started == 0.0:
             memory.anchor[i] = memory.rest[i] = signals.hand_position[i]
         elif abs(signals.force_estimated_n[i]) > config.rest_force_n:

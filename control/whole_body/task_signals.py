@@ -6,6 +6,7 @@ Everything is known on hardware. Controllers, memory and observation read it, on
 import numpy as np
 
 from control.command.command_record import COMMAND
+from control.estimation.model_adaptation import ARM, REST
 from control.estimation.rolling_contact import rolling_velocity
 from control.frames import rotation_error, rotation_from_quaternion, rotation_heading_to_world
 from control.kernels.compiled import kernel
@@ -28,6 +29,7 @@ TASK_SIGNALS = record(
     hand_position=3,
     orientation_error=3,
     force_estimated_n=3,
+    mass_scales=2,
     command=COMMAND,
 )
 """Vectors in heading unless named otherwise.
@@ -42,6 +44,7 @@ Fields:
     hand_position: m, from kinematics.
     orientation_error: rad, rotation vector from the hand to its reference.
     force_estimated_n: N, environment on hand.
+    mass_scales: of arm and rest, estimated over nominal.
     command: as applied.
 """
 
@@ -69,7 +72,7 @@ def stands(signals: np.record) -> bool:
 
 @kernel(
     "void(matrix, vector, f8, vector, vector, vector, vector, vector, matrix, vector,"
-    " vector, vector, vector, vector, vector, Signals[::1])",
+    " vector, vector, vector, vector, vector, vector, Signals[::1])",
     Signals=TASK_SIGNALS,
 )
 def _fill(
@@ -83,6 +86,7 @@ def _fill(
     hand_from_base: np.ndarray,
     hand_rotation: np.ndarray,
     force_estimated_n: np.ndarray,
+    mass_scales: np.ndarray,
     mask: np.ndarray,
     force_n: np.ndarray,
     position_m: np.ndarray,
@@ -101,6 +105,7 @@ def _fill(
         hand_from_base: (3,) m, world-aligned, from the base origin.
         hand_rotation: (3, 3) hand to world.
         force_estimated_n: (3,) N, in heading.
+        mass_scales: (2,) of arm and rest.
         mask, force_n, position_m, orientation_wxyz, base_velocity: of the command.
         out: TASK_SIGNALS (1,).
     """
@@ -119,6 +124,7 @@ def _fill(
     hand, velocity = rotate_back(heading, hand_from_base), rotate_back(heading, rolling_velocity)
     s.base_height = base_height_m
     s.yaw_rate = 0.0
+    s.mass_scales[ARM], s.mass_scales[REST] = mass_scales[ARM], mass_scales[REST]
     for i in range(3):
         s.angular_velocity[i] = angular_velocity[i]
         s.gravity[i] = -rotation_base_to_world[2, i]
@@ -149,6 +155,7 @@ def task_signals(inputs: ControllerInput) -> np.ndarray:
         model.end_effector_position,
         model.end_effector_rotation,
         inputs.force_estimated_n,
+        inputs.mass_scales,
         command.mask,
         command.force_n,
         command.position_m,

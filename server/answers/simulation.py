@@ -2,7 +2,7 @@
 
 from typing import Literal
 
-from server.answers.schema import Answer
+from server.answers.schema import Answer, Vector3
 
 
 class RunAnswer(Answer):
@@ -46,5 +46,9 @@ class MismatchAnswer(Answer):
     """factor on the mass of every link; null on hardware"""
     per_link: dict[str, float]
     """further factor by link"""
+    payload_kg: float | None
+    """kg, of a point that the hand carries; null on hardware"""
+    payload_center_m: Vector3 | None
+    """m, where, in the end effector's frame; null on hardware"""
     mass_scale_true: float | None
     """mass of the whole robot over the model's; null on hardware"""

@@ -2,6 +2,7 @@
 
 from typing import Annotated
 
+from control.estimation.mistrust import EstimatorFlag
 from control.faults import Fault
 from control.joints import JOINT_NAMES, LEGS
 from server.answers.command import CommandFields
@@ -10,6 +11,7 @@ from sim.backends.hardware.states import DriveState
 from sim.runtime.fault_words import BACKEND_FAILED, CONTROL_PROCESS_DEAD, CONTROL_PROCESS_SILENT, LOOP_OVERRUNS
 from sim.runtime.snapshot import Mode
 
+_FLAGS = OneOf(tuple(str(flag.name) for flag in EstimatorFlag if flag))
 _FAULTS = OneOf(
     (
         BACKEND_FAILED,
@@ -177,4 +179,7 @@ class StateAnswer(Answer):
     mass_adapting: bool
     """the masses that the selected estimator finds still move: until they rest, its force may be off by more than its standard
     deviation says; false where it estimates none"""
+    estimator_flags: list[Annotated[str, _FLAGS]]
+    """why the selected estimate is to be mistrusted: an arm joint at its end, a contact of the arm with the robot, a contact
+    elsewhere than at the hand, masses that still adapt; `force_sigma_n` is wider for the first three"""
     loop: Loop

@@ -55,8 +55,8 @@ def get_mismatch(operator: TheOperator) -> Response:
 
 @router.put("/mismatch", response_model=MismatchAnswer, responses=refusals(409, 413, 422, 503))
 def put_mismatch(body: MismatchRequest, operator: TheOperator) -> Response:
-    """Scale the simulated robot's masses while it runs; the estimator is not told."""
-    operator.set_mismatch(body.mass_scale, body.per_link)
+    """Scale the simulated robot's masses and load its hand while it runs; the estimator is not told."""
+    operator.set_mismatch(**body.model_dump())
     return json_response(_mismatch(operator))
 
 
@@ -68,5 +68,12 @@ def _mismatch(operator: TheOperator) -> MismatchAnswer:
     selection = operator.selection
     true = float(operator.client.require_snapshot()["mass_scale_true"])
     if math.isnan(true):
-        return {"mass_scale": None, "per_link": {}, "mass_scale_true": None}  # a robot weighs what it weighs
-    return {"mass_scale": selection.mass_scale, "per_link": dict(selection.per_link or {}), "mass_scale_true": true}
+        # A robot weighs what it weighs.
+        return {"mass_scale": None, "per_link": {}, "payload_kg": None, "payload_center_m": None, "mass_scale_true": None}
+    return {
+        "mass_scale": selection.mass_scale,
+        "per_link": dict(selection.per_link or {}),
+        "payload_kg": selection.payload_kg,
+        "payload_center_m": list(selection.payload_center_m),
+        "mass_scale_true": true,
+    }

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from control.estimation.mistrust import EstimatorFlag
 from control.faults import Fault
 from sim.backends.hardware import states
 from sim.runtime.snapshot import Mode, on_hardware
@@ -39,6 +40,15 @@ FAULT_WORDS: dict[Fault, str] = {
     Fault.CONTROLLER_ERROR: "the controller failed, select another one",
     Fault.TIP_OVER_LIMIT: "the robot would tip over: commanded force reduced, or the base drives under the load",
     Fault.ESTIMATOR_ERROR: "a force estimator failed",
+    Fault.SELF_CONTACT_LIMIT: "the arm would touch the robot, so the hand stops",
+    Fault.OUT_OF_REACH: "the hand cannot reach where it is asked to be",
+}
+
+FLAG_WORDS: dict[EstimatorFlag, str] = {
+    EstimatorFlag.JOINT_AT_STOP: "an arm joint is at its end",
+    EstimatorFlag.SELF_CONTACT: "the arm may touch the robot",
+    EstimatorFlag.CONTACT_ELSEWHERE: "something else than the hand is touched",
+    EstimatorFlag.MASS_ADAPTING: "masses are adapting",
 }
 
 
@@ -80,3 +90,8 @@ def message(record: np.void) -> str | None:
 
 def _text(record: np.void, field: str) -> str:
     return record[field].decode(errors="replace")
+
+
+def estimator_flags(record: np.void) -> list[EstimatorFlag]:
+    """Why the selected estimate of a SNAPSHOT record is to be mistrusted."""
+    return list(EstimatorFlag(int(record["estimator_flags"])))

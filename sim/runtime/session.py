@@ -10,6 +10,8 @@ from typing import Generic, TypeVar
 import numpy as np
 
 from control.command.limits import DEFAULT_COMMAND
+from control.hand_load.tare import TareError
+from control.hand_load.tool import Tool
 from control.pipeline import Pipeline, PipelineConfig, PipelineOutput
 from control.timing import TICK_S
 from control.types import Command
@@ -23,6 +25,7 @@ from sim.runtime.snapshot_writer import (
     write_commands,
     write_failures,
     write_forces,
+    write_hand_load,
     write_policy,
     write_robot,
     write_session,
@@ -137,6 +140,42 @@ class Session(Generic[BackendT]):
             raise ValueError("gains need both k1 and k2")
         self.pipeline.select_estimator(name, None if k1 is None or k2 is None else (k1, k2))
 
+    def tare(self) -> None:
+        """Make what the free hand reads now its zero.
+
+        Raises:
+            SessionError: the hand presses, moves, or reads more than a bias.
+        """
+        try:
+            self.pipeline.hand_load.tare(self.pipeline.estimator_name, self.output.applied_command)
+        except TareError as error:
+            raise SessionError(str(error)) from error
+
+    def clear_tare(self) -> None:
+        """Take nothing from the estimates any more."""
+        self.pipeline.hand_load.clear_tare()
+
+    def set_tool(self, mass_kg: float, center_of_mass_m: list[float]) -> None:
+        """Tell what the hand carries.
+
+        Raises:
+            ToolError: a ValueError; more than a hand can carry.
+        """
+        self.pipeline.hand_load.set_tool(Tool(mass_kg, np.array(center_of_mass_m)))
+
+    def identify_tool(self) -> None:
+        """Begin the motion that finds the tool.
+
+        Raises:
+            SessionError: the hand presses or is led, or the controller does not move the robot.
+        """
+        if self.mode is not Mode.RUNNING:
+            raise SessionError("the robot is stopped; clear the e-stop or the fault first")
+        try:
+            self.pipeline.hand_load.identify_tool(self.output.applied_command)
+        except TareError as error:
+            raise SessionError(str(error)) from error
+
     def estop(self) -> None:
         """Latch the e-stop."""
         self.pipeline.estop()
@@ -169,6 +208,7 @@ class Session(Generic[BackendT]):
         write_commands(numbers, self._command, output.applied_command)
         write_robot(numbers, self._sensor, output, truth)
         write_forces(numbers, output, truth, names, selected, self._error_power)
+        write_hand_load(record, numbers, self.pipeline.hand_load.state(selected))
         write_policy(record, numbers, self.pipeline.controllers[self.pipeline.controller_name])
 
     def _forget(self) -> None:

@@ -1,5 +1,6 @@
 """The session of the simulated robot: besides what every session does, its world can be reset, changed and pushed."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -79,13 +80,21 @@ class Simulation(Session[MujocoBackend]):
         self.backend.set_scene(_build_scene(name))
         self._restart()
 
-    def set_mismatch(self, mass_scale: float, per_link: dict[str, float] | None = None) -> None:
-        """Change the robot's masses while it runs; the pipeline is not told.
+    def set_mismatch(
+        self,
+        mass_scale: float,
+        per_link: dict[str, float] | None = None,
+        payload_kg: float = 0.0,
+        payload_center_m: Sequence[float] = (0.0, 0.0, 0.0),
+    ) -> None:
+        """Change the robot's masses and what its hand carries while it runs; the pipeline is not told.
 
         Raises:
             ValueError: out of range, or an unknown link.
         """
-        self.backend.set_mismatch(replace(self.backend.mismatch, mass_scale=mass_scale, per_link=per_link or {}))
+        x, y, z = payload_center_m
+        masses = replace(self.backend.mismatch, mass_scale=mass_scale, per_link=per_link or {})
+        self.backend.set_mismatch(replace(masses, payload_kg=payload_kg, payload_center_m=(x, y, z)))
 
     def add_wrench(self, **spec: Any) -> int:
         """Start a scripted wrench (fields of sim.backends.simulation.wrenches.Pulse) and return its id.

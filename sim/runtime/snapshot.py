@@ -79,6 +79,7 @@ SNAPSHOT = np.dtype(
         ("heading_yaw", "f8"),  # rad, heading frame in world
         ("force_estimated_n", "f8", 3),  # by the selected estimator, in heading
         ("force_sigma_n", "f8", 3),
+        ("estimator_flags", "u4"),  # control.estimation.mistrust.EstimatorFlag bits
         ("force_true_n", "f8", 3),
         ("estimator_names", NAME, MAX_ESTIMATORS),
         ("force_estimates_n", "f8", (MAX_ESTIMATORS, 3)),
@@ -92,6 +93,11 @@ SNAPSHOT = np.dtype(
         ("policy_action", "f4", JOINT_COUNT),
         ("mass_scale_estimated", "f8"),
         ("mass_scale_true", "f8"),
+        ("tool_mass", "f8"),  # kg, what the hand carries as set or found
+        ("tool_center_of_mass", "f8", 3),  # m, in the end effector's frame
+        ("tool_progress", "f8"),  # of the motion that finds the tool, 0 to 1; NaN without one
+        ("tool_message", "S160"),  # why the last motion found none
+        ("tare_n", "f8", 3),  # N, in heading, taken from the selected estimate
         ("mass_adapting", "?"),  # the masses that the selected estimator finds still move
         ("object_count", "u1"),
         ("object_position", "f8", (MAX_OBJECTS, 3)),  # movable bodies of the scene, in world; NaN from their number on

@@ -10,6 +10,7 @@ import numpy as np
 
 from control.faults import Fault
 from control.frames import quaternion_from_rotation, rotation_from_quaternion, rotation_heading_to_world
+from control.hand_load.load import HandLoadState
 from control.joints import LEGS
 from control.kernels.compiled import kernel
 from control.kernels.small_algebra import rotate, rotate_back
@@ -147,6 +148,7 @@ def write_forces(
         _UNKNOWN if estimate.sigma_n is None else estimate.sigma_n,
         math.nan if estimate.mass_scale is None else estimate.mass_scale,
         estimate.mass_adapting,
+        int(output.estimator_flags),
     )
     if truth is None:
         _put_no_truth(numbers, estimate.wheel_forces_in_heading)
@@ -160,6 +162,13 @@ def write_forces(
         truth.object_positions,
         truth.object_orientations_wxyz,
     )
+
+
+def write_hand_load(record: np.void, numbers: np.ndarray, load: HandLoadState) -> None:
+    """Tool and tare of a SNAPSHOT record."""
+    record["tool_message"] = load.message.encode()
+    progress = math.nan if load.identifying is None else load.identifying
+    _put_hand_load(numbers, load.tool.mass_kg, load.tool.center_of_mass_m, progress, load.offset_n)
 
 
 def write_policy(record: np.void, numbers: np.ndarray, controller: Controller) -> None:
@@ -330,7 +339,7 @@ def _put_true_place(
     _put_heading(record, base_position[0], base_position[1], heading, target)
 
 
-@kernel("void(Snapshot[::1], matrix, vector, vector, matrix, vector, f8, b1)", Snapshot=NUMBERS)
+@kernel("void(Snapshot[::1], matrix, vector, vector, matrix, vector, f8, b1, i8)", Snapshot=NUMBERS)
 def _put_forces(
     numbers: np.ndarray,
     forces: np.ndarray,
@@ -340,6 +349,7 @@ def _put_forces(
     sigma: np.ndarray,
     mass_scale: float,
     mass_adapting: bool,
+    flags: int,
 ) -> None:
     """All estimates, and the selected one's `force` (3,) with what it says beside; arguments as in `write_forces`."""
     record = numbers[0]
@@ -351,7 +361,7 @@ def _put_forces(
         record.force_estimated_n[i], record.force_sigma_n[i] = force[i], sigma[i]
         for wheel in range(len(wheel_forces)):
             record.wheel_force_estimated_n[wheel, i] = wheel_forces[wheel, i]
-    record.mass_adapting, record.mass_scale_estimated = mass_adapting, mass_scale
+    record.mass_adapting, record.mass_scale_estimated, record.estimator_flags = mass_adapting, mass_scale, flags
     record.object_position[:] = math.nan
     record.object_orientation_wxyz[:] = math.nan
 
@@ -396,6 +406,15 @@ def _put_true_forces(
             record.object_position[index, i] = object_positions[index, i]
         for i in range(4):
             record.object_orientation_wxyz[index, i] = object_orientations[index, i]
+
+
+@kernel("void(Snapshot[::1], f8, vector, f8, vector)", Snapshot=NUMBERS)
+def _put_hand_load(numbers: np.ndarray, mass: float, center: np.ndarray, progress: float, tare: np.ndarray) -> None:
+    """See HandLoadState."""
+    record = numbers[0]
+    record.tool_mass, record.tool_progress = mass, progress
+    for i in range(3):
+        record.tool_center_of_mass[i], record.tare_n[i] = center[i], tare[i]
 
 
 @kernel("void(Snapshot[::1], Array(f4, 1, 'A', readonly=True), vector)", Snapshot=NUMBERS)

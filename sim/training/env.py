@@ -43,7 +43,10 @@ TEACHER_ARM = replace(ArmConfig(), contact_share=0.0, load_gain=0.0)
 
 @dataclass(frozen=True, slots=True)
 class SensorNoise:
-    """Standard deviation of the white noise on what is observed, up to twice that of the full simulation's pipeline."""
+    """Standard deviation of the white noise on what is observed, up to twice that of the full simulation's pipeline.
+
+    `mass_scale` is that of estimated masses, which stay wrong.
+    """
 
     joint_position_rad: float = 1e-3
     joint_velocity_rps: float = 0.02
@@ -53,6 +56,7 @@ class SensorNoise:
     hand_position_m: float = 5e-4
     hand_orientation_rad: float = 7e-4
     rolling_velocity_mps: float = 0.005
+    mass_scale: float = 0.03
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,6 +114,7 @@ class TrainingEnv:
         self.contacts = ContactEnvironment(self.robot, self.source, config.contacts, random)
         surrogate = config.surrogate or fitted_surrogate()
         self.estimator = EstimatorSurrogate(surrogate, self.robot.mass_scale, random)
+        self._mass_scales = self.robot.mass_scales + config.noise.mass_scale * random.standard_normal((count, 2))
         self._corrects = config.form == RESIDUAL_FORM
         # A residual policy corrects the controller as it runs on the robot.
         arm = ArmConfig() if self._corrects else config.teacher_arm
@@ -259,6 +264,7 @@ class TrainingEnv:
             signals[name] = self._noisy(values, deviation)
         signals["hand_position"] = self._hand[ids]
         signals["force_estimated_n"] = self.estimator.force[ids]
+        signals["mass_scales"] = self._mass_scales[ids]
         signals["command"] = applied
         return signals
 

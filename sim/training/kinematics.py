@@ -154,7 +154,7 @@ def weigh(
     armature: np.ndarray,
     terms: np.ndarray,
 ) -> None:
-    """The terms of nominal masses of robots `ids` (m,) of a batch of n: centre of mass, gravity torques, the arm's inertia.
+    """The terms of nominal masses of robots `ids` (m,) of n: masses, their centre, gravity torques, the arm's inertia.
 
     tau_k = g z . (a_k x sum_b m_b (c_b - p_k)) over the bodies b that joint k carries, with its axis a_k and anchor p_k;
     M_jk = sum_b m_b v_bj . v_bk + (R_b^T a_j) . I_b (R_b^T a_k) with v_bk = a_k x (c_b - p_k), over those that both carry.
@@ -174,6 +174,8 @@ def weigh(
     for index in range(len(ids)):
         robot = int(ids[index])
         t = terms[robot]
+        t.arm_mass = (masses * carries[_ARM]).sum()
+        t.rest_mass = total - t.arm_mass
         for i in range(3):
             moment = 0.0
             for body in range(bodies):

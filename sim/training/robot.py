@@ -86,7 +86,7 @@ class BatchedRobot:
         contact_positions: (n, 4, 3), lowest points of the wheels.
         rolling_velocity: (n, 3) m/s, see KINEMATICS.
         terms: BODY_TERMS (n,), changed in place.
-        mass_scale: (n,) total mass over nominal.
+        mass_scale: (n,) total mass over nominal; mass_scales (n, 2) of the arm and of the rest.
     """
 
     base_position: np.ndarray
@@ -235,6 +235,9 @@ class BatchedRobot:
         masses[:] = scale * self._nominal_masses
         inertias[:] = scale[:, :, None] * self._nominal_inertias
         self.mass_scale = masses.sum(axis=1) / self._nominal_masses.sum()
+        arm = self._carries[ARM_SLICE.start]
+        parts = np.stack([arm, 1.0 - arm])
+        self.mass_scales = masses @ parts.T / (parts @ self._nominal_masses)
         friction = batch.expand("geom_friction")
         wheels = [model.geom(f"{leg}_wheel").id for leg in LEGS]
         friction[:, wheels, 0] = random.uniform(*config.wheel_friction, (count, 1))

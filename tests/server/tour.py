@@ -28,6 +28,9 @@ def tour(http: httpx.Client) -> Iterator[httpx.Response]:
     call("PUT", "estimator", {"name": estimator.json()["name"]})
     yield call("PUT", "mismatch", {"mass_scale": 1.2, "per_link": {"base": 1.1}})
     call("PUT", "mismatch", {"mass_scale": 1.0})
+    yield call("PUT", "estimator/tool", {"mass_kg": 0.4, "center_of_mass_m": [0.02, 0, 0]})
+    yield call("GET", "estimator/tool")
+    call("PUT", "estimator/tool", {"mass_kg": 0, "center_of_mass_m": [0, 0, 0]})
     for name in ("controller", "scene"):
         selected = call("GET", name).json()["name"]
         yield call("PUT", name, {"name": selected})
@@ -36,7 +39,10 @@ def tour(http: httpx.Client) -> Iterator[httpx.Response]:
     yield call("POST", "reset", {"seed": 7, "keyframe": "stand"})
     yield call("POST", "run", {"state": "running", "speed": 1.0})
 
+    yield call("POST", "estimator/tool/identify")
     yield call("PATCH", "command", {"mask": [0, 0, 1], "force_n": [0, 0, 10]})
+    yield call("POST", "estimator/tare")
+    yield call("DELETE", "estimator/tare")
     yield call("GET", "command")
     wrench = call("POST", "wrenches", {"force_n": [0, 0, 10], "frame": "heading", "duration_s": 60, "ramp_s": 0.3})
     yield wrench

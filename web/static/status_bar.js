@@ -25,8 +25,8 @@ export function showState(state) {
   element("overruns").title =
     `Ticks that missed their 2 ms deadline in the last minute; ${(100 * share).toFixed(1)} % of the last seconds', ${overruns} since the start. ` +
     `99 % are at most ${lateness.toFixed(2)} ms late; real-time priority is ${realtime ? "granted" : "not granted"}.`;
-  // Until the masses that it finds come to rest, the force may be off by more than its standard deviation says.
-  show("estimator", state.mass_adapting ? `${state.estimator}, adapting` : state.estimator, state.mass_adapting ? "warn" : "");
+  const doubts = state.estimator_flags.map((flag) => DOUBTS[flag] ?? flag);
+  show("estimator", [state.estimator, ...doubts].join(", "), doubts.length ? "warn" : "");
 }
 
 /** Of a robot that is not in the controller's hands, its drives tell more than the loop. */
@@ -35,6 +35,9 @@ function modeOf(state) {
   if (state.drive && state.drive.state !== "policy") return state.drive.state;
   return state.command.guidance ? "guidance" : "running";
 }
+
+/** Why the force may be off by more than its standard deviation says, in a word. */
+const DOUBTS = { JOINT_AT_STOP: "joint at its end", SELF_CONTACT: "arm on robot", CONTACT_ELSEWHERE: "touched elsewhere", MASS_ADAPTING: "adapting" };
 
 const SLOW = 0.9;
 const OVERRUNS = "LOOP_OVERRUNS";

@@ -80,6 +80,7 @@ class LearnedEstimator:
             nominal.wheel_forces_in_heading,
             self._sigma,
             mass_scale=nominal.mass_scale if self._corrects else None,
+            mass_scales=nominal.mass_scales if self._corrects else None,
             mass_adapting=nominal.mass_adapting and self._corrects,
             stale=nominal.stale or self._held,
         )

@@ -18,7 +18,7 @@ from control.types import Command
 from sim.backends.simulation.wrenches import Spring
 from sim.runtime.simulation import Simulation, SimulationConfig
 
-UPSETTING_N = np.array([-30.0, 30.0, 30.0])
+UPSETTING_N = np.array([-38.0, 38.0, 38.0])
 """Environment on hand: pushes the robot back, to the left and up."""
 ARM_LOWER, ARM_UPPER = [-0.8, 0.3, -2.0, -0.8, 0.0, 0.0], [0.8, 1.8, -0.5, 0.8, 0.0, 0.0]
 

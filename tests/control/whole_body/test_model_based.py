@@ -107,6 +107,16 @@ def test_an_arm_at_its_target_carries_its_weight_and_nothing_else(model, tilt):
     assert np.allclose(arm_torque(tick), model.gravity[model.joint_rows[ARM_SLICE]], atol=1e-9)
 
 
+def test_an_arm_and_legs_of_other_estimated_masses_carry_those(model):
+    tick = inputs(model)
+    tick = replace(tick, command=hand_command(tick), mass_scales=np.array([1.2, 0.9]))
+    assert np.allclose(arm_torque(tick), 1.2 * model.gravity[model.joint_rows[ARM_SLICE]], atol=1e-9)
+    forces = np.empty((4, 3))
+    ground_forces(packed(LEGS, LegConfig())[0], body_terms(model)[0], task_signals(tick)[0], np.zeros(3), forces)
+    weight = (1.2 * model.arm_mass + 0.9 * (model.total_mass - model.arm_mass)) * GRAVITY_MPS2
+    assert forces[:, 2].sum() == pytest.approx(weight)
+
+
 def test_a_commanded_force_is_fed_forward_through_the_jacobian(model):
     tick = inputs(model)
     rest = arm_torque(replace(tick, command=hand_command(tick)))

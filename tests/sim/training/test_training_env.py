@@ -72,7 +72,7 @@ def single_input(env: TrainingEnv, index: int, model: RobotModel) -> ControllerI
     model.update(rotation, sensor.joint_position, velocity, sensor.angular_velocity, sensor.joint_velocity)
     command = from_record(env.signals["command"][[index]], guidance=False)
     base = BaseState(rotation, velocity, sensor.angular_velocity, signals.base_height)
-    return ControllerInput(sensor, base, model, command, signals.force_estimated_n)
+    return ControllerInput(sensor, base, model, command, signals.force_estimated_n, signals.mass_scales)
 
 
 def test_the_terms_of_the_batch_are_those_of_the_robot_model(model: RobotModel):

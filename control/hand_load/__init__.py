@@ -1,0 +1,1 @@
+"""What the hand carries and reads without contact."""

@@ -1,0 +1,141 @@
+"""What the hand carries and reads without contact: its tool, its tare, and the motion that finds the tool."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from control.command.command_record import COMMAND
+from control.estimation.adaptive_estimator import AdaptiveEstimator
+from control.hand_load.tare import Tare, TareError
+from control.hand_load.tool import IdentificationConfig, Tool, ToolError, ToolIdentification
+from control.robot_model import RobotModel
+from control.timing import CONTROL_PERIOD_S
+from control.types import Command
+
+SLOW_RPS = 0.2
+"""No joint of a robot at rest is faster."""
+
+
+@dataclass(frozen=True, slots=True)
+class HandLoadState:
+    """Attributes:
+    tool: as set or found.
+    offset_n: (3,) N, in heading, that is taken from the selected estimate.
+    identifying: progress of the motion, 0 to 1; None without one.
+    message: why the last motion found nothing; empty where it did.
+    """
+
+    tool: Tool = field(default_factory=Tool)
+    offset_n: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    identifying: float | None = None
+    message: str = ""
+
+
+class HandLoad:
+    """Tool and tare of one robot. The tool stays when the pipeline is reset, the tare does not."""
+
+    def __init__(self, config: IdentificationConfig, model: RobotModel, observed: AdaptiveEstimator) -> None:
+        """`observed`: whose residual shows what the model lacks, and whose masses begin anew with another tool."""
+        self._config, self._model, self._observed = config, model, observed
+        self._tool = Tool()
+        self._tare = Tare()
+        self._motion: ToolIdentification | None = None
+        self._asked: Command | None = None
+        self._message = ""
+
+    def state(self, estimator: str) -> HandLoadState:
+        """As it is now, for the selected estimator."""
+        progress = None if self._motion is None else self._motion.progress
+        return HandLoadState(self._tool, self.offset(estimator), progress, self._message)
+
+    def reset(self) -> None:
+        """Forget the tare and end the motion."""
+        self._tare.clear()
+        self._motion = None
+
+    def offset(self, estimator: str) -> np.ndarray:
+        """(3,) N, in heading, that belongs to no contact."""
+        return self._tare.offsets.get(estimator, _NONE)
+
+    def tare(self, estimator: str, applied: Command) -> np.ndarray:
+        """Make what a free hand reads its zero; the offset (3,), N.
+
+        Raises:
+            TareError: the hand presses, is led, moves, or reads more than a bias.
+        """
+        _require_idle(applied, "tare")
+        return self._tare.take(estimator)
+
+    def clear_tare(self) -> None:
+        """Forget all offsets."""
+        self._tare.clear()
+
+    def set_tool(self, tool: Tool) -> None:
+        """Let model, controller and estimators carry a tool from the next tick on."""
+        self._tool, self._message = tool, ""
+        self._model.carry(tool.mass_kg, tool.center_of_mass_m)
+        self._observed.forget_parameters()
+        self._tare.clear()
+
+    def identify_tool(self, applied: Command) -> None:
+        """Begin the motion that finds the tool; any other command ends it.
+
+        Raises:
+            TareError: the hand presses or is led.
+        """
+        _require_idle(applied, "the motion that finds a tool")
+        self._motion, self._asked = ToolIdentification(self._config, self._model, applied), None
+        self._message = ""
+
+    def refer(self, asked: Command, in_control: bool) -> Command:
+        """The command of now: the motion's while there is one, else the operator's.
+
+        Args:
+            asked: by the operator; a change ends the motion.
+            in_control: the controller moves the robot.
+        """
+        if self._motion is None:
+            return asked
+        if self._asked is None:
+            self._asked = asked
+        if not in_control or not _same(asked, self._asked):
+            self._motion, self._message = None, "ended by another command or a stop"
+            return asked
+        return self._motion.command()
+
+    def step(self, force_n: np.ndarray, joint_velocity: np.ndarray) -> None:
+        """Take in one control period.
+
+        Args:
+            force_n: (3,) N, of the selected estimator, without its offset.
+            joint_velocity: (22,) rad/s.
+        """
+        if np.abs(joint_velocity).max() > SLOW_RPS:
+            self._tare.restart()
+        else:
+            self._tare.observe(force_n, CONTROL_PERIOD_S)
+        if self._motion is None:
+            return
+        self._motion.step(self._model, self._observed.momentum.residual, CONTROL_PERIOD_S)
+        if self._motion.finished:
+            motion, self._motion = self._motion, None
+            try:
+                self.set_tool(motion.tool(self._tool))
+            except ToolError as error:
+                self._message = str(error)
+
+
+def _require_idle(applied: Command, what: str) -> None:
+    """Raises TareError where the hand is asked for a force or led."""
+    if applied.guidance or applied.mask.any():
+        raise TareError(f"{what} needs a hand on position control: set the mask to 0 0 0 and guidance to false")
+
+
+def _same(one: Command, other: Command) -> bool:
+    return one.guidance == other.guidance and all(
+        np.array_equal(getattr(one, name), getattr(other, name)) for name in COMMAND.names or ()
+    )
+
+
+_NONE = np.zeros(3)
+_NONE.setflags(write=False)

@@ -1,0 +1,101 @@
+"""Tool and tare: the model that carries a load, the motion that finds it, and when taring is refused."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from control.command.limits import DEFAULT_COMMAND
+from control.hand_load.tool import Tool, ToolError
+from control.joints import JOINT_COUNT, NOMINAL_POSITION
+from control.robot_model import GRAVITY_MPS2, RobotModel
+from sim.runtime.session import SessionError
+from sim.runtime.simulation import Simulation, SimulationConfig
+
+CENTER_M = np.array([0.05, 0.0, 0.02])
+
+
+def nominal(model: RobotModel) -> RobotModel:
+    model.update(np.eye(3), NOMINAL_POSITION, np.zeros(3), np.zeros(3), np.zeros(JOINT_COUNT))
+    return model
+
+
+def test_a_model_that_carries_a_tool_weighs_it_where_it_is() -> None:
+    model = nominal(RobotModel())
+    gravity, arm, total, mass = model.gravity.copy(), model.arm_gravity.copy(), model.total_mass, 0.8
+    offset = model.end_effector_rotation @ CENTER_M
+    jacobian = model.end_effector_jacobian
+    upward = jacobian[:3].T @ [0.0, 0.0, GRAVITY_MPS2 * mass] + jacobian[3:].T @ np.cross(
+        offset, [0.0, 0.0, GRAVITY_MPS2 * mass]
+    )
+    model.carry(mass, CENTER_M)
+    nominal(model)
+    np.testing.assert_allclose(model.gravity - gravity, upward, atol=1e-9)
+    np.testing.assert_allclose(model.arm_gravity - arm, upward, atol=1e-9)
+    assert model.total_mass == pytest.approx(total + mass)
+    model.carry(0.0, np.zeros(3))
+    nominal(model)
+    np.testing.assert_allclose(model.gravity, gravity, atol=1e-9)
+
+
+@pytest.mark.parametrize(("mass", "center"), [(-0.1, CENTER_M), (9.0, CENTER_M), (1.0, np.full(3, 2.0)), (1.0, np.zeros(2))])
+def test_no_hand_carries_that(mass: float, center: np.ndarray) -> None:
+    with pytest.raises(ToolError, match=r"range|within"):
+        Tool(mass, center)
+
+
+def settled(payload_kg: float) -> Simulation:
+    session = Simulation(SimulationConfig(seed=5))
+    session.set_mismatch(1.0, payload_kg=payload_kg, payload_center_m=(0.0, 0.0, -0.05))
+    for _ in range(1000):
+        session.tick(DEFAULT_COMMAND)
+    return session
+
+
+@pytest.mark.slow
+def test_the_motion_finds_the_tool_and_its_weight_is_no_force_any_more() -> None:
+    session = settled(payload_kg=1.5)
+    assert session.output.hand.force_estimated_n[2] < -8.0
+    session.identify_tool()
+    while (load := session.pipeline.hand_load.state("hybrid")).identifying is not None:
+        session.tick(DEFAULT_COMMAND)
+    assert load.tool.mass_kg == pytest.approx(1.5, abs=0.2)
+    np.testing.assert_allclose(load.tool.center_of_mass_m, [0.0, 0.0, -0.05], atol=0.03)
+    for _ in range(1500):
+        session.tick(DEFAULT_COMMAND)
+    assert abs(session.output.hand.force_estimated_n[2]) < 2.5
+    session.tare()
+    assert np.mean([session.tick(DEFAULT_COMMAND).hand.force_estimated_n for _ in range(100)], axis=0) == pytest.approx(
+        0.0, abs=0.5
+    )
+    session.reset()
+    assert not session.pipeline.hand_load.offset("hybrid").any()
+    assert session.pipeline.hand_load.state("hybrid").tool.mass_kg > 1.0
+
+
+def test_another_command_ends_the_motion_and_a_pressing_hand_is_not_tared() -> None:
+    session = settled(payload_kg=0.0)
+    session.identify_tool()
+    for _ in range(50):
+        session.tick(DEFAULT_COMMAND)
+    pressing = replace(DEFAULT_COMMAND, mask=np.array([0.0, 0.0, 1.0]), force_n=np.array([0.0, 0.0, 5.0]))
+    for _ in range(30):
+        session.tick(pressing)
+    load = session.pipeline.hand_load.state("hybrid")
+    assert load.identifying is None
+    assert "another command" in load.message
+    for refused in (session.tare, session.identify_tool):
+        with pytest.raises(SessionError, match="mask"):
+            refused()
+    session.reset()
+    session.tick(DEFAULT_COMMAND)
+    with pytest.raises(SessionError, match="just begun"):
+        session.tare()
+
+
+def test_a_weight_that_nobody_has_told_of_is_not_tared() -> None:
+    session = settled(payload_kg=2.5)
+    for _ in range(200):
+        session.tick(DEFAULT_COMMAND)
+    with pytest.raises(SessionError, match=r"more than a bias|varies"):
+        session.tare()
