@@ -15,6 +15,7 @@ from server.access import AccessControl
 from server.admission import Admission
 from server.body_limit import BodyLimit
 from server.build_info import build_info
+from server.caller import CallerContext, caller_of, new_page_cookie
 from server.credentials import Credentials
 from server.docs_page import docs_page
 from server.errors import InvalidFieldError, ServerError
@@ -66,6 +67,7 @@ def create_app(operator: Operator, *, scene: ViserDoor, credentials: Credentials
     app.add_api_route("/docs", lambda: HTMLResponse(docs_page(app.openapi())), include_in_schema=False)
     app.mount("/static", StaticFiles(directory=STATIC), name="static")
     app.add_middleware(BodyLimit)
+    app.add_middleware(CallerContext)
     app.add_middleware(Admission)
     app.add_middleware(AccessControl, credentials=credentials)
     app.add_middleware(SecurityHeaders)
@@ -73,8 +75,11 @@ def create_app(operator: Operator, *, scene: ViserDoor, credentials: Credentials
     return app
 
 
-def _page() -> Response:
-    return FileResponse(STATIC / "index.html", headers={"Cache-Control": "no-cache"})
+def _page(request: Request) -> Response:
+    response = FileResponse(STATIC / "index.html", headers={"Cache-Control": "no-cache"})
+    if caller_of(request.scope).page is None:
+        response.headers.append("Set-Cookie", new_page_cookie(request.headers.get("host", "")))
+    return response
 
 
 @asynccontextmanager

@@ -6,6 +6,7 @@ from typing import Any
 
 import httpx
 
+from server.caller import LEASE_HEADER
 from tests.server.contract import API
 
 FAR_AWAY = {"Origin": "https://elsewhere.example"}
@@ -47,6 +48,12 @@ def tour(http: httpx.Client) -> Iterator[httpx.Response]:
     key = wrench.json()["id"]
     yield call("DELETE", f"wrenches/{key}")
     yield call("DELETE", f"wrenches/{key}")
+
+    yield call("POST", "lease", {"operator": "Ada"})
+    token = {LEASE_HEADER: http.post(f"{API}lease", json={"operator": "Grace", "take_over": True}).json()["token"]}
+    yield call("GET", "lease", headers=token)
+    yield call("PATCH", "command", {"guidance": True})
+    yield call("DELETE", "lease", headers=token)
 
     yield call("POST", "step", {"ticks": 10})
     call("POST", "run", {"state": "paused"})

@@ -3,6 +3,7 @@
 import { call } from "./api.js";
 import { hideBanner, showBanner } from "./banners.js";
 import { showEstop, stop } from "./estop.js";
+import { keepLease } from "./lease.js";
 import { watchLink } from "./link.js";
 import { showForces } from "./readout.js";
 import { bindShortcuts, toggleHelp } from "./shortcuts.js";
@@ -25,6 +26,7 @@ function onState(state) {
   // A paused simulation may report a fault instead; its clock tells.
   halted = state.mode === "paused" || state.time_s === latest?.time_s;
   latest = state;
+  keepLease();
   showState(state);
   showForces(state);
   showEstop(state.mode === "estop", state.message, state.drive ? "Press again: the drives stay damped" : "Press again: the robot stands up");
