@@ -183,6 +183,8 @@ class ControlLoop:
         record["held_s"] = statistics.held_s
         record["lateness_p99_ms"] = statistics.lateness_p99_ms
         record["tick_median_us"] = statistics.tick_median_us
+        record["tick_histogram"] = self._pacer.tick_histogram
+        record["tick_total_s"] = self._pacer.tick_total_s
         record["speed"] = self._run.speed
         self._state.write(self._snapshot)
         self._urgent_publish = False

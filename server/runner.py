@@ -8,6 +8,7 @@ from collections.abc import Callable
 from server.config import ServerConfig
 from server.control_client import ControlClient
 from server.control_process import ControlLaunch
+from server.logs import configure
 from server.operator import Operator
 
 _log = logging.getLogger(__name__)
@@ -28,8 +29,9 @@ def serve(config: ServerConfig, announce: Callable[[str], None]) -> None:
         PortInUseError: something else listens there.
         ControlDeadError: the control process died while starting.
     """
+    configure(config.log, "console")
     with _listen(config.host, config.port) as listener:
-        launch = ControlLaunch(session=config.session)
+        launch = ControlLaunch(session=config.session, log=config.log)
         client = ControlClient(launch)
         operator = Operator(client, launch, config.hardware)
         client.start()

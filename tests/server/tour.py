@@ -21,7 +21,7 @@ def tour(http: httpx.Client) -> Iterator[httpx.Response]:
     def call_with_bytes(method: str, path: str, body: bytes) -> httpx.Response:
         return http.request(method, API + path, content=body, headers={"Content-Type": "application/json"})
 
-    for name in ("health", "backend", "controller", "mismatch"):
+    for name in ("health", "ready", "backend", "controller", "mismatch"):
         yield call("GET", name)
     estimator = call("GET", "estimator")
     yield estimator
