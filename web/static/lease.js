@@ -82,8 +82,11 @@ export function keepLease() {
   if (performance.now() - asked > PERIOD_MS) refresh().catch(() => {});
 }
 
-/** Whether another drives, and this page's wishes would be refused. */
-export const onlyWatches = () => state() === "theirs";
+/** Take the lease if nobody holds it. Throws where another drives. */
+export async function claim() {
+  if (state() === "theirs") throw new Error(`${lease.operator} drives. Take over first.`);
+  if (state() === "free") await press();
+}
 
 function fact(term, id) {
   const entry = document.createElement("div");
