@@ -130,6 +130,15 @@ class ControllerRequest(NameRequest):
     model_config = _examples({"name": "model_based"})
 
 
+class LeaseRequest(RequestModel):
+    """Command alone."""
+
+    model_config = _examples({"operator": "Ada"}, {"operator": "Grace", "take_over": True})
+
+    operator: Name = Field(description="whom the others see")
+    take_over: bool = Field(default=False, description="also from another who holds it; the base stops")
+
+
 class Gains(RequestModel):
     """Gains of the generalized momentum observer."""
 

@@ -1,7 +1,9 @@
 """What the console acts on. The server provides it; every method may be called from any thread."""
 
+import time
 from collections.abc import Callable, Coroutine
 from typing import Any, Literal, Protocol, TypeVar
+from weakref import WeakKeyDictionary
 
 import viser
 
@@ -56,6 +58,9 @@ class ConsoleSink(Protocol):
 
 Event = TypeVar("Event", bound=Any)
 
+REPEAT_AFTER_S = 3.0
+_told: WeakKeyDictionary[Any, tuple[str, float]] = WeakKeyDictionary()
+
 
 def reports_refusal(callback: Callable[[Event], object]) -> Callable[[Event], Coroutine[Any, Any, None]]:
     """Make a Viser callback of a plain function: in order, and with refusals shown to the client that asked.
@@ -73,6 +78,10 @@ def reports_refusal(callback: Callable[[Event], object]) -> Callable[[Event], Co
 
 
 def notify(client: viser.ClientHandle | None, message: str) -> None:
-    """Tell one client that what it asked for was refused."""
-    if client is not None:
+    """Tell one client that what it asked for was refused; of a pull that is refused sixty times a second, once."""
+    if client is None:
+        return
+    told, told_s = _told.get(client, ("", 0.0))
+    if message != told or time.monotonic() - told_s > REPEAT_AFTER_S:
+        _told[client] = message, time.monotonic()
         client.add_notification("Refused", message, color="orange", auto_close_seconds=6.0)

@@ -15,6 +15,7 @@ from control.types import Command
 NAME_BYTES = 16
 MAX_ESTIMATORS = MOST_ESTIMATORS
 MAX_OBJECTS = 8
+TICK_CLASSES = 17
 MAX_OBSERVATION = 160
 """sim.runtime.snapshot_limits refuses what is longer or more."""
 
@@ -116,6 +117,8 @@ SNAPSHOT = np.dtype(
         ("tick_median_us", "f8"),
         ("realtime_scheduling", "?"),  # SCHED_FIFO was granted
         ("speed", "f8"),
+        ("tick_histogram", "u8", TICK_CLASSES),  # ticks by duration, see server.pacing
+        ("tick_total_s", "f8"),  # sum of their durations
     ]
 )
 
