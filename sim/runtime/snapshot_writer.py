@@ -1,5 +1,7 @@
 """Writes one tick's robot and forces into a snapshot record."""
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from control.faults import Fault
@@ -11,6 +13,7 @@ from control.types import ForceEstimate, Odometry, SensorFrame
 from control.whole_body.controller import Controller
 from sim.backends.protocol import GroundTruth
 from sim.runtime.snapshot import command_to_record
+from sim.tasks.desk import TaskDesk
 
 LOADED_WHEEL_N = 5.0
 """Estimated normal force above which a wheel counts as in contact where there is no truth."""
@@ -93,6 +96,24 @@ def write_forces(
     record["object_count"] = count
     record["object_position"][:count] = truth.object_positions[:count]
     record["object_orientation_wxyz"][:count] = truth.object_orientations_wxyz[:count]
+
+
+def write_named(record: np.void, kind: str, values: Mapping[str, float]) -> None:
+    """The readings or the parameters of a scene, as `kind` says, into a SNAPSHOT record."""
+    names, numbers = record[f"{kind}_names"], record[f"{kind}s"]
+    names[:], numbers[:] = b"", np.nan
+    names[: len(values)], numbers[: len(values)] = list(values), list(values.values())
+
+
+def write_task(record: np.void, tasks: TaskDesk) -> None:
+    """The task that was begun last into a SNAPSHOT record."""
+    task = tasks.current
+    record["task_in_charge"] = tasks.in_charge
+    if task is None:
+        return
+    record["task_id"], record["task_name"] = task.id, task.name
+    record["task_phase"] = task.runner.phase
+    record["task_progress"], record["task_outcome"] = task.runner.progress, task.runner.outcome
 
 
 def write_policy(record: np.void, controller: Controller) -> None:
