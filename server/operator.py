@@ -21,8 +21,8 @@ from server.control_process import ControlLaunch
 from server.errors import ControlDeadError, ControlTimeoutError, InvalidFieldError, RefusedError
 from server.fields import in_words
 from server.robot_handle import RobotHandle
-from server.task_handle import TaskHandle
 from server.schemas import BackendRequest, CommandPatch, MismatchRequest, RunRequest, StepRequest
+from server.task_handle import TaskHandle
 from server.validation import validated
 from sim.backends.hardware.backend import unavailable_because
 from sim.backends.hardware.config import HardwareConfig

@@ -20,7 +20,6 @@ from sim.backends.hardware.states import DriveState
 from sim.runtime.fault_words import SILENCE_WORDS, drive_fault_words, fault_words, message
 from sim.runtime.snapshot import Mode, named, on_hardware
 
-
 _OUTCOMES: tuple[OutcomeName | None, ...] = (None, "succeeded", "failed", "aborted")
 """As sim.tasks.runner.Outcome counts them."""
 

@@ -1,7 +1,7 @@
 """Tasks of the control process, for REST and for the page."""
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from server.control_client import ControlClient
 from server.errors import InvalidFieldError

@@ -27,6 +27,10 @@ def _worst(rows: Sequence[Row], key: str) -> float:
     return float(np.max(np.array([row[key] for row in rows], float)))
 
 
+def _least(rows: Sequence[Row], key: str) -> float:
+    return float(np.min(np.array([row[key] for row in rows], float)))
+
+
 def _successes(report: Report, rows: Sequence[Row], name: str, share: float = 1.0) -> None:
     good = sum(bool(row["success"]) for row in rows)
     report.bars.append(at_least(f"{name}: succeeded, of {len(rows)}", good, share * len(rows), "trials"))
@@ -55,11 +59,10 @@ def _valve(report: Report, rows: list[Row]) -> None:
             label = f"valve, {name}: {kind} RMSE {axis} (paper {paper})"
             limit = 0.6 if name == "place" else 0.8
             report.bars.append(at_most(label, _mean(rows, f"{kind}_{axis}_{name}_n"), limit, "N"))
-    turned = min(float(row["turned_place_rad"] or 0.0) for row in rows)
     report.bars += [
-        at_least("valve, place: least turned", turned, 2.0 * np.pi, "rad"),
-        at_least("valve, drive: least way of the base", -_worst([{"x": -float(row["base_travel_m"] or 0.0)} for row in rows], "x"), 0.25, "m"),
-        at_least("valve, drive: least turn of the base", -_worst([{"x": -float(row["base_turn_rad"] or 0.0)} for row in rows], "x"), 0.4, "rad"),
+        at_least("valve, place: least turned", _least(rows, "turned_place_rad"), 2.0 * np.pi, "rad"),
+        at_least("valve, drive: least way of the base", _least(rows, "base_travel_m"), 0.25, "m"),
+        at_least("valve, drive: least turn of the base", _least(rows, "base_turn_rad"), 0.4, "rad"),
         at_most("valve, drive: longest stop", _worst(rows, "longest_stop_s"), 1.0, "s"),
     ]
 

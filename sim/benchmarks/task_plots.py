@@ -18,11 +18,13 @@ def plot(folder: Path, traces: dict[str, TaskTrace]) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     for task, trace in traces.items():
         axes = _AXES[task]
-        figure, panels = pyplot.subplots(len(axes) + 1, 1, figsize=(8, 2.2 * (len(axes) + 1)), sharex=True, layout="constrained")
+        lines = ((trace.true, "true", 2.0), (trace.estimated, "estimated", 1.0), (trace.applied, "asked", 1.0))
+        count = len(axes) + 1
+        figure, panels = pyplot.subplots(count, 1, figsize=(8, 2.2 * count), sharex=True, layout="constrained")
         time = trace.time_s - trace.time_s[0]
         for panel, axis in zip(panels, axes, strict=False):
-            for values, label, width in ((trace.true, "true", 2.0), (trace.estimated, "estimated", 1.0), (trace.applied, "asked", 1.0)):
-                panel.plot(time[::_EVERY], values[::_EVERY, axis], label=label, linewidth=width)
+            for values, name, width in lines:
+                panel.plot(time[::_EVERY], values[::_EVERY, axis], label=name, linewidth=width)
             panel.set(ylabel=f"f{'xyz'[axis]} [N]")
         panels[0].legend(loc="upper right", ncols=3)
         panels[0].set_title(f"{task}: {trace.outcome.name.lower()}")

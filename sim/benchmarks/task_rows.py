@@ -79,7 +79,8 @@ def _valve(_: TaskPlan, trace: TaskTrace) -> Row:
     base = trace.base[driving]
     result["base_travel_m"] = float(np.ptp(base[:, 0])) if len(base) else 0.0
     result["base_turn_rad"] = float(np.ptp(base[:, 2])) if len(base) else 0.0
-    result["longest_stop_s"] = _longest(np.abs(np.gradient(angle, TICK_S))[driving] < STOPPED_RPS) if len(base) else float("nan")
+    still = np.abs(np.gradient(angle, TICK_S)) < STOPPED_RPS
+    result["longest_stop_s"] = _longest(still[driving]) if len(base) else float("nan")
     return result
 
 

@@ -11,8 +11,6 @@ with the forces of its first trial, as the paper's has.
 import sys
 from pathlib import Path
 
-import numpy as np
-
 from control.paths import WEIGHTS_DIRECTORY
 from sim.benchmarks.estimator import add_workers
 from sim.benchmarks.report import Report, Row, argument_parser
@@ -38,17 +36,14 @@ SPRINGS = (1.0, 2.0)
 def plans(task: str, seeds: range, controller: str, rigid: bool, quick: bool) -> list[TaskPlan]:
     """The trials of one task."""
     options = QUICK_OPTIONS.get(task, {}) if quick else {}
-    made = []
-    for index, seed in enumerate(seeds):
-        if task == "door":
-            for spring in SPRINGS[: 1 if quick else 2]:
-                push = {"push_n": 30.0} if spring > 1.0 else {}
-                made.append(TaskPlan(task, seed, rigid, controller, 1.0, options | push, {"spring_scale": spring}))
-        elif task == "box":
-            made.append(TaskPlan(task, seed, rigid, controller, MASS_SCALES[index % 3], options))
-        else:
-            made.append(TaskPlan(task, seed, rigid, controller, 1.0, options))
-    return made
+    if task == "door":
+        springs = SPRINGS[: 1 if quick else 2]
+        cases = [(seed, 1.0, {"spring_scale": spring}) for seed in seeds for spring in springs]
+    elif task == "box":
+        cases = [(seed, MASS_SCALES[index % 3], {}) for index, seed in enumerate(seeds)]
+    else:
+        cases = [(seed, 1.0, {}) for seed in seeds]
+    return [TaskPlan(task, seed, rigid, controller, mass, options, parameters) for seed, mass, parameters in cases]
 
 
 def attempt(job: tuple[int, TaskPlan, Path]) -> tuple[int, Row, TaskTrace]:
@@ -84,11 +79,12 @@ def main() -> int:
         task = chosen[number].task
         if task not in first or number < first[task][0]:
             first[task] = number, trace
-        report.progress(", ".join(f"{key} {value:.3g}" if isinstance(value, float) else f"{key} {value}" for key, value in result.items()))
+        figures = (f"{key} {value:.3g}" if isinstance(value, float) else f"{key} {value}" for key, value in result.items())
+        report.progress(", ".join(figures))
     report.rows = [rows[number] for number in sorted(rows)]
     add_bars(report)
     report.finish(arguments.json)
-    if arguments.plot is not None and np.size(list(first)):
+    if arguments.plot is not None:
         plot(arguments.plot, {task: trace for task, (_, trace) in first.items()})
     return 0
 

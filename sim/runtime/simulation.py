@@ -45,7 +45,8 @@ class Simulation(Session[MujocoBackend]):
 
     def __init__(self, config: SimulationConfig | None = None) -> None:
         config = config or SimulationConfig()
-        super().__init__(MujocoBackend(_build_scene(config.scene, config.parameters, config.rigid), config.sensors, config.seed), config.pipeline)
+        scene = _build_scene(config.scene, config.parameters, config.rigid)
+        super().__init__(MujocoBackend(scene, config.sensors, config.seed), config.pipeline)
         self._truth: GroundTruth | None = None
         self._drag_target: np.ndarray | None = None
         self.person: LeadingPerson | None = None

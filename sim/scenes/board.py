@@ -74,7 +74,12 @@ def add_objects(spec: mujoco.MjSpec, values: Mapping[str, float]) -> tuple[str, 
     """Adds the fixed geom "board" with its bumps, on two legs; no body moves."""
     height, roll, pitch = values["height_m"], 0.5 * values["roll_rad"], 0.5 * values["pitch_rad"]
     turn = np.array(
-        [np.cos(roll) * np.cos(pitch), np.sin(roll) * np.cos(pitch), np.cos(roll) * np.sin(pitch), -np.sin(roll) * np.sin(pitch)]
+        [
+            np.cos(roll) * np.cos(pitch),
+            np.sin(roll) * np.cos(pitch),
+            np.cos(roll) * np.sin(pitch),
+            -np.sin(roll) * np.sin(pitch),
+        ]
     )
     rotation = rotation_from_quaternion(turn)
     top, normal = np.array([CENTER_X_M, 0.0, height]), rotation[:, 2]

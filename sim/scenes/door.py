@@ -1,8 +1,8 @@
 """Spring-loaded door (paper Sec. IV.C): press the lever down to free the latch, then push the door open against its closer.
 
 The latch is mechanical: a bolt behind the lever's axis stands in front of a strike plate on the frame and swings clear of
-it when the lever is pressed down by about 0.35 rad. The strike's far side slants, so that a door that closes lifts its bolt over
-it and latches again. Positive door angles open away from the robot.
+it when the lever is pressed down by about 0.35 rad. The strike's far side slants, so that a door that closes lifts its bolt
+over it and latches again. Positive door angles open away from the robot.
 """
 
 from collections.abc import Mapping
@@ -99,10 +99,16 @@ def _add_lever(door: mujoco.MjsBody) -> None:
     for name, (ends, radius) in parts.items():
         lever.add_geom(name=f"door_lever_{name}", type=capsule, fromto=ends, size=[radius, 0, 0], mass=0.08, rgba=_METAL)
     back = [reach, LEVER_LENGTH_M, 0, reach + 0.045, LEVER_LENGTH_M, 0]  # the grip's end turns back to the leaf
-    for part, ends in (("return", back),):
-        lever.add_geom(
-            name=f"door_lever_{part}", type=capsule, fromto=ends, size=[0.010, 0, 0], mass=0.02, contype=0, conaffinity=0, rgba=_METAL
-        )
+    lever.add_geom(
+        name="door_lever_return",
+        type=capsule,
+        fromto=back,
+        size=[0.010, 0, 0],
+        mass=0.02,
+        contype=0,
+        conaffinity=0,
+        rgba=_METAL,
+    )
     for side, x in (("near", -1.0), ("far", 1.0)):
         door.add_geom(
             name=f"door_plate_{side}",

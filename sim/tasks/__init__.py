@@ -35,5 +35,6 @@ def chosen_options(name: str, options: Mapping[str, float]) -> dict[str, float]:
             raise ValueError(f"task {name!r} has no option {key!r}; it has {', '.join(known)}")
         option = known[key]
         if not option.minimum <= value <= option.maximum:
-            raise ValueError(f"option {key} is {value}; the range is {option.minimum:g} to {option.maximum:g} {option.unit}".strip())
+            allowed = f"{option.minimum:g} to {option.maximum:g} {option.unit}".strip()
+            raise ValueError(f"option {key} is {value}; the range is {allowed}")
     return {key: float(options.get(key, option.default)) for key, option in known.items()}

@@ -1,6 +1,7 @@
 """Box dragging (paper Sec. III.D): press on the box and drag it to and fro by a lateral force alone."""
 
 from collections.abc import Iterator, Mapping
+from typing import ClassVar
 
 import numpy as np
 
@@ -24,7 +25,7 @@ class Box:
     NAME = "box"
     SCENE = "box"
     DESCRIPTION = "Press on the box and drag it to and fro"
-    OPTIONS = {
+    OPTIONS: ClassVar[Mapping[str, Option]] = {
         "press_n": Option(20.0, 15.0, 30.0, "N"),
         "travel_m": Option(0.2, 0.05, 0.25, "m"),
         "periods": Option(2.0, 1.0, 10.0, ""),

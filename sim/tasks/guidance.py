@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -21,7 +22,7 @@ class GuidanceTask:
     NAME = "guidance"
     SCENE = ""
     DESCRIPTION = "Follow whoever leads the hand for a minute; in simulation somebody does"
-    OPTIONS = {"lead_s": Option(60.0, 10.0, 600.0, "s")}
+    OPTIONS: ClassVar[Mapping[str, Option]] = {"lead_s": Option(60.0, 10.0, 600.0, "s")}
 
     def __init__(self, options: Mapping[str, float]) -> None:
         self._lead_s = options["lead_s"]

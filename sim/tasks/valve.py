@@ -6,6 +6,7 @@ wheel's centre from where it then is.
 """
 
 from collections.abc import Iterator, Mapping
+from typing import ClassVar
 
 import numpy as np
 
@@ -28,6 +29,9 @@ CAUGHT_M = 0.012
 BAND_M = 0.06
 """A hand so far off its circle, or so far out of its plane, has slipped."""
 STALLED_S = 6.0
+FORWARD_PERIOD_S, TURN_PERIOD_S = 6.0, 9.0
+BACK_FIRST_RAD = 0.93
+"""Of the way to and fro: a fifth of it lies behind where it begins. Farther back the arm would stretch, farther ahead fold."""
 
 
 class Valve:
@@ -36,13 +40,13 @@ class Valve:
     NAME = "valve"
     SCENE = "valve"
     DESCRIPTION = "Find the handle, turn the valve in place, then while the base drives"
-    OPTIONS = {
+    OPTIONS: ClassVar[Mapping[str, Option]] = {
         "force_n": Option(18.0, 8.0, 25.0, "N along the circle"),
         "direction": Option(1.0, -1.0, 1.0, "1 turns the top to the right, -1 to the left"),
         "place_s": Option(15.0, 0.0, 120.0, "s"),
         "drive_s": Option(20.0, 0.0, 120.0, "s"),
-        "forward_mps": Option(0.12, 0.0, 0.15, "m/s to and fro while driving"),
-        "turn_rps": Option(0.18, 0.0, 0.25, "rad/s to and fro while driving"),
+        "forward_mps": Option(0.135, 0.0, 0.15, "m/s to and fro while driving"),
+        "turn_rps": Option(0.22, 0.0, 0.25, "rad/s to and fro while driving"),
     }
 
     def __init__(self, options: Mapping[str, float]) -> None:
@@ -115,8 +119,8 @@ class Valve:
             velocity = (0.0, 0.0)
             if name == "drive":
                 velocity = (
-                    options["forward_mps"] * np.sin(2.0 * np.pi * view.phase_s / 6.0),
-                    options["turn_rps"] * np.sin(2.0 * np.pi * view.phase_s / 9.0),
+                    options["forward_mps"] * np.sin(2.0 * np.pi * view.phase_s / FORWARD_PERIOD_S - BACK_FIRST_RAD),
+                    options["turn_rps"] * np.cos(2.0 * np.pi * view.phase_s / TURN_PERIOD_S),
                 )
             return view.command(view.hand_m, pitch_rad=PITCH_RAD, mask=(1, 1, 1), force_n=force, velocity=velocity)
 

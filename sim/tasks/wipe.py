@@ -1,6 +1,7 @@
 """Board wiping (paper Sec. IV.B): a figure of eight by position, the press along z by force."""
 
 from collections.abc import Iterator, Mapping
+from typing import ClassVar
 
 import numpy as np
 
@@ -24,7 +25,7 @@ class Wipe:
     NAME = "wipe"
     SCENE = "board"
     DESCRIPTION = "Wipe a figure of eight on the board, pressing evenly"
-    OPTIONS = {
+    OPTIONS: ClassVar[Mapping[str, Option]] = {
         "force_n": Option(15.0, 5.0, 25.0, "N"),
         "half_x_m": Option(0.06, 0.02, 0.10, "m"),
         "half_y_m": Option(0.15, 0.05, 0.24, "m"),
@@ -102,9 +103,7 @@ class Wipe:
         )
         yield Phase("press", lambda view: press(view, self._force), lambda _: False, limit_s=1.5, until=0.2)
         self._squares.clear()
-        yield Phase(
-            "wipe", wipe, lambda _: False, limit_s=self._duration, wrong=off_the_board, until=0.95
-        )
+        yield Phase("wipe", wipe, lambda _: False, limit_s=self._duration, wrong=off_the_board, until=0.95)
         self.target_m = None
         yield Phase(
             "lift",

@@ -5,7 +5,6 @@ The task sees estimates alone; everything here is scored at 500 Hz by the simula
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
