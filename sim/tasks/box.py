@@ -22,9 +22,9 @@ LARGEST_N = 14.0
 class Box:
     """Drags the box by a sine of force that the way asks for."""
 
-    NAME = "box"
-    SCENE = "box"
-    DESCRIPTION = "Press on the box and drag it to and fro"
+    NAME: ClassVar[str] = "box"
+    SCENE: ClassVar[str] = "box"
+    DESCRIPTION: ClassVar[str] = "Press on the box and drag it to and fro"
     OPTIONS: ClassVar[Mapping[str, Option]] = {
         "press_n": Option(20.0, 15.0, 30.0, "N"),
         "travel_m": Option(0.2, 0.05, 0.25, "m"),

@@ -19,9 +19,9 @@ REST_S = 12.0
 class GuidanceTask:
     """Yields to leads for a while, then watches whether the robot rests."""
 
-    NAME = "guidance"
-    SCENE = ""
-    DESCRIPTION = "Follow whoever leads the hand for a minute; in simulation somebody does"
+    NAME: ClassVar[str] = "guidance"
+    SCENE: ClassVar[str] = ""
+    DESCRIPTION: ClassVar[str] = "Follow whoever leads the hand for a minute; in simulation somebody does"
     OPTIONS: ClassVar[Mapping[str, Option]] = {"lead_s": Option(60.0, 10.0, 600.0, "s")}
 
     def __init__(self, options: Mapping[str, float]) -> None:

@@ -37,9 +37,9 @@ BACK_FIRST_RAD = 0.93
 class Valve:
     """Turns the wheel in place, then while driving."""
 
-    NAME = "valve"
-    SCENE = "valve"
-    DESCRIPTION = "Find the handle, turn the valve in place, then while the base drives"
+    NAME: ClassVar[str] = "valve"
+    SCENE: ClassVar[str] = "valve"
+    DESCRIPTION: ClassVar[str] = "Find the handle, turn the valve in place, then while the base drives"
     OPTIONS: ClassVar[Mapping[str, Option]] = {
         "force_n": Option(18.0, 8.0, 25.0, "N along the circle"),
         "direction": Option(1.0, -1.0, 1.0, "1 turns the top to the right, -1 to the left"),

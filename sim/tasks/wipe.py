@@ -22,9 +22,9 @@ LEAD_S = 0.09
 class Wipe:
     """Wipes the board's pattern."""
 
-    NAME = "wipe"
-    SCENE = "board"
-    DESCRIPTION = "Wipe a figure of eight on the board, pressing evenly"
+    NAME: ClassVar[str] = "wipe"
+    SCENE: ClassVar[str] = "board"
+    DESCRIPTION: ClassVar[str] = "Wipe a figure of eight on the board, pressing evenly"
     OPTIONS: ClassVar[Mapping[str, Option]] = {
         "force_n": Option(15.0, 5.0, 25.0, "N"),
         "half_x_m": Option(0.06, 0.02, 0.10, "m"),
@@ -80,7 +80,9 @@ class Wipe:
             if view.phase_s > EASE_S:
                 self._squares.append(np.array([error @ error, (felt - self._force) ** 2, felt < 0.5]))
             ahead = self.place(min(view.phase_s + LEAD_S, self._duration))
-            return view.command([*ahead, TOP_HEIGHT_M], pitch_rad=PITCH_RAD, mask=(0, 0, 1), force_n=(0.0, 0.0, self._force))
+            return view.command(
+                np.array([*ahead, TOP_HEIGHT_M]), pitch_rad=PITCH_RAD, mask=(0, 0, 1), force_n=(0.0, 0.0, self._force)
+            )
 
         def off_the_board(view: TaskView) -> str | None:
             return "the contact is lost" if view.force_n[2] < 0.3 * self._force else None

@@ -48,6 +48,16 @@ def tour(http: httpx.Client) -> Iterator[httpx.Response]:
     yield call("DELETE", f"wrenches/{key}")
     yield call("DELETE", f"wrenches/{key}")
 
+    yield call("GET", "tasks")
+    yield call("GET", "tasks/current")
+    yield call("POST", "tasks", {"name": "wipe", "options": {"force_n": 15}})
+    yield call("POST", "tasks", {"name": "guidance", "options": {"lead_s": 5}})
+    yield call("POST", "tasks", {"name": "guidance", "options": {}})
+    yield call("POST", "tasks", {"name": "guidance", "options": {"lead_s": 50}})
+    yield call("GET", "tasks/1")
+    yield call("DELETE", "tasks/current")
+    yield call("PATCH", "scene", {"parameters": {"spring_scale": 2.0}})
+
     yield call("POST", "step", {"ticks": 10})
     call("POST", "run", {"state": "paused"})
     yield call("POST", "step", {"ticks": 10})

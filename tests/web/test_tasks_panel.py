@@ -87,7 +87,7 @@ def test_readings_have_a_chart_each_and_parameters_a_slider(
     panel._next_send_s, snapshot["time_s"] = 0.0, 1.0
     panel.update(snapshot)
     assert list(panel.charts) == ["door_angle_rad", "lever_angle_rad"]
-    assert panel.charts["door_angle_rad"].title.endswith("0.400")
+    assert (panel.charts["door_angle_rad"].title or "").endswith("0.400")
     assert {name: slider.value for name, slider in panel.sliders.items()} == {p.name: p.maximum for p in known}
     assert not panel.note.visible
 
