@@ -33,6 +33,8 @@ PARAMETERS = (
     Parameter("damping_nmsprad", CLOSER_DAMPING, 1.0, 15.0, drawn=(3.0, 5.0)),
     Parameter("leaf_kg", 8.0, 4.0, 16.0, drawn=(7.0, 10.0)),
 )
+LEAF_FRICTION = 0.4
+"""Of smooth paint under rubber."""
 PADDED = ("door", "door_lever_grip")
 _HALF_THICKNESS_M = 0.02
 _BOLT_LENGTH_M = 0.10
@@ -67,6 +69,7 @@ def add_objects(spec: mujoco.MjSpec, values: Mapping[str, float]) -> tuple[str, 
         size=[_HALF_THICKNESS_M, 0.5 * WIDTH_M, 0.5 * HEIGHT_M - 0.01],
         pos=[0.0, -0.5 * WIDTH_M, 0.5 * HEIGHT_M + 0.01],
         mass=values["leaf_kg"],
+        friction=[LEAF_FRICTION, 0.005, 0.0001],
         rgba=_WOOD,
     )
     _add_lever(door)

@@ -30,10 +30,10 @@ PRESS_N = 14.0
 TOUCH_N = 3.0
 AJAR_RAD = 0.14
 RADIUS_M, OUTER_RADIUS_M = 0.70, 0.74
-ALONG_STIFFNESS, ALONG_LIMIT_N = 40.0, 4.0
-OPEN_RAD = 1.25
+ALONG_STIFFNESS, ALONG_LIMIT_N = 60.0, 8.0
+OPEN_RAD = 1.2
 HAND_AHEAD_M, HAND_NEAR_M = 0.60, 0.35
-FOLLOW_MPS, THROUGH_MPS, FAST_MPS = 0.2, 0.15, 0.5
+FOLLOW_MPS, THROUGH_MPS, FAST_MPS = 0.2, 0.15, 0.25
 FAST_FROM_X_M, THROUGH_X_M = 1.10, 1.95
 STALLED_S = 6.0
 MOVED_RAD = 0.02
@@ -49,7 +49,7 @@ class Door:
     DESCRIPTION: ClassVar[str] = "Press the lever, push the door open along its arc and drive through"
     OPTIONS: ClassVar[Mapping[str, Option]] = {
         "push_n": Option(18.0, 10.0, 30.0, "N at the open door, to begin with"),
-        "most_n": Option(27.0, 10.0, 35.0, "N, to which that grows where the door stands still"),
+        "most_n": Option(28.5, 10.0, 35.0, "N, to which that grows where the door stands still"),
         "unlatch_n": Option(25.0, 10.0, 30.0, "N at most, until the door comes off its latch"),
     }
 

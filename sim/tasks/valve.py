@@ -11,6 +11,7 @@ from typing import ClassVar
 import numpy as np
 
 from control.command.limits import CommandLimits
+from control.timing import CONTROL_PERIOD_S
 from control.types import Command
 from sim.scenes.valve import CENTER_HEIGHT_M, CUP_BOTTOM_X_M, HANDLE_RADIUS_M
 from sim.tasks.task import CONTACT_S, Lasting, Option, Phase, TaskRefusedError, reached, require_reach
@@ -29,6 +30,8 @@ CAUGHT_M = 0.012
 BAND_M = 0.06
 """A hand so far off its circle, or so far out of its plane, has slipped."""
 STALLED_S = 6.0
+SLOW_RPS, RATE_S, GROWTH_NPS = 0.48, 0.5, 2.0
+"""A valve that turns more slowly, on average over RATE_S, is pushed harder and harder: a full turn shall take 15 s at most."""
 FORWARD_PERIOD_S, TURN_PERIOD_S = 6.0, 9.0
 BACK_FIRST_RAD = 0.93
 """Of the way to and fro: a fifth of it lies behind where it begins. Farther back the arm would stretch, farther ahead fold."""
@@ -41,7 +44,8 @@ class Valve:
     SCENE: ClassVar[str] = "valve"
     DESCRIPTION: ClassVar[str] = "Find the handle, turn the valve in place, then while the base drives"
     OPTIONS: ClassVar[Mapping[str, Option]] = {
-        "force_n": Option(18.0, 8.0, 25.0, "N along the circle"),
+        "force_n": Option(18.0, 8.0, 25.0, "N along the circle, to begin with"),
+        "most_n": Option(24.0, 8.0, 30.0, "N, to which that grows where the valve turns slowly"),
         "direction": Option(1.0, -1.0, 1.0, "1 turns the top to the right, -1 to the left"),
         "place_s": Option(15.0, 0.0, 120.0, "s"),
         "drive_s": Option(20.0, 0.0, 120.0, "s"),
@@ -51,6 +55,7 @@ class Valve:
 
     def __init__(self, options: Mapping[str, float]) -> None:
         self._options = options
+        self._force, self._rate_rps = options["force_n"], 0.0
         self._sign = 1.0 if options["direction"] >= 0.0 else -1.0
         self._center = np.array([CUP_BOTTOM_X_M - 0.02, 0.0, CENTER_HEIGHT_M])
         self._touched_x_m = self._center[0]
@@ -110,12 +115,15 @@ class Valve:
                 step = self._sign * float(np.angle(np.exp(1j * (angle - self._angle_rad))))
                 self._turned[name] += step
                 self._turned_rad += step
+                self._rate_rps += (step - CONTROL_PERIOD_S * self._rate_rps) / RATE_S
             self._angle_rad = angle
             if self._turned_rad > self._furthest_rad + 0.05:
                 self._furthest_rad, self._progressed_s = self._turned_rad, view.time_s
+            if view.phase_s + begin_s > 4.0 * RATE_S and self._rate_rps < SLOW_RPS:
+                self._force = min(options["most_n"], self._force + GROWTH_NPS * CONTROL_PERIOD_S)
             share = min(1.0, (view.phase_s + begin_s) / RAMP_S)
             along = self._sign * np.array([0.0, -np.cos(angle), -np.sin(angle)])
-            force = -share * options["force_n"] * along - np.array([PRESS_N, 0.0, 0.0])
+            force = -share * self._force * along - np.array([PRESS_N, 0.0, 0.0])
             velocity = (0.0, 0.0)
             if name == "drive":
                 velocity = (

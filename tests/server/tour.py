@@ -57,6 +57,7 @@ def tour(http: httpx.Client) -> Iterator[httpx.Response]:
     yield call("GET", "tasks/1")
     yield call("DELETE", "tasks/current")
     yield call("PATCH", "scene", {"parameters": {"spring_scale": 2.0}})
+    yield call("PATCH", "scene", {"parameters": {}})
 
     yield call("POST", "step", {"ticks": 10})
     call("POST", "run", {"state": "paused"})
