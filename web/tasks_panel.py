@@ -25,6 +25,7 @@ PAPER: dict[str, dict[str, tuple[str, str]]] = {
     },
     "valve": {"turned_place_rad": ("turned in place", "shown"), "turned_drive_rad": ("turned while driving", "shown")},
     "door": {"opened_rad": ("opened", "shown once")},
+    "sequence": {"steps_done": ("steps done", "future work")},
     "guidance": {"lead_force_n": ("largest lead", "shown"), "drift_cm": ("drift at rest", "not told")},
 }
 """By task and metric: what it is, and what the paper reports."""

@@ -102,4 +102,9 @@ def _guidance(report: Report, rows: list[Row]) -> None:
     ]
 
 
-_OF_TASK = {"wipe": _wipe, "valve": _valve, "door": _door, "box": _box, "guidance": _guidance}
+def _sequence(report: Report, rows: list[Row]) -> None:
+    whole = sum(bool(row["success"] and row["steps_done"] == row["steps"]) for row in rows)
+    report.bars.append(at_least(f"sequence: all steps without a hand, of {len(rows)}", whole, 0.8 * len(rows), "trials"))
+
+
+_OF_TASK = {"wipe": _wipe, "valve": _valve, "door": _door, "box": _box, "guidance": _guidance, "sequence": _sequence}

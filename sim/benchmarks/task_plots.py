@@ -6,7 +6,7 @@ import numpy as np
 
 from sim.trials.task_trial import TaskTrace
 
-_AXES = {"wipe": (2,), "valve": (1, 2), "door": (0, 1), "box": (1, 2), "guidance": (0, 1)}
+_AXES = {"wipe": (2,), "valve": (1, 2), "door": (0, 1), "box": (1, 2), "guidance": (0, 1), "sequence": (0, 1, 2)}
 _EVERY = 10
 
 

@@ -125,10 +125,23 @@ def _guidance(_: TaskPlan, trace: TaskTrace) -> Row:
     }
 
 
+def _sequence(_: TaskPlan, trace: TaskTrace) -> Row:
+    return {
+        "steps_done": int(trace.metrics["steps_done"]),
+        "steps": int(trace.metrics["steps"]),
+        "tries": int(trace.metrics["tries"]),
+        "valve_angle_rad": float(np.abs(trace.readings["valve_angle_rad"]).max()),
+        "wiped_share": float(trace.readings["wiped_share"][-1]),
+        "door_angle_rad": float(trace.readings["door_angle_rad"].max()),
+        "touched": "; ".join(trace.touched),
+    }
+
+
 _OF_TASK: dict[str, Callable[[TaskPlan, TaskTrace], Row]] = {
     "wipe": _wipe,
     "valve": _valve,
     "door": _door,
     "box": _box,
     "guidance": _guidance,
+    "sequence": _sequence,
 }

@@ -27,6 +27,7 @@ QUICK_OPTIONS: dict[str, dict[str, float]] = {
     "valve": {"place_s": 3.0, "drive_s": 3.0},
     "box": {"periods": 1.0},
     "guidance": {"lead_s": 10.0},
+    "sequence": {"first": 2.0, "second": 0.0, "third": 0.0},
 }
 MASS_SCALES = (0.8, 1.0, 1.2)
 """Of the robot in box dragging, as in the paper; one after the other."""

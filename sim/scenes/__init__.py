@@ -6,12 +6,12 @@ from types import MappingProxyType
 
 import numpy as np
 
-from sim.scenes import board, box, door, free, valve
+from sim.scenes import board, box, door, free, valve, workshop
 from sim.scenes.scene import Parameter, Primitive, Reading, SceneModel, assemble, pad
 
 __all__ = ["SCENE_NAMES", "Parameter", "Primitive", "Reading", "SceneModel", "build", "draw", "parameters"]
 
-_SCENES = {"free": free, "box": box, "board": board, "valve": valve, "door": door}
+_SCENES = {"free": free, "box": box, "board": board, "valve": valve, "door": door, "workshop": workshop}
 
 SCENE_NAMES = tuple(_SCENES)
 

@@ -57,6 +57,7 @@ def add_objects(spec: mujoco.MjSpec, values: Mapping[str, float]) -> tuple[str, 
         axis=[0, 0, 1],
         range=[0.0, 1.9],
         limited=True,
+        solref_limit=[0.05, 1.0],  # a stop of rubber
         stiffness=[values["spring_scale"] * CLOSER_STIFFNESS, 0, 0],
         springref=-CLOSER_PRELOAD / CLOSER_STIFFNESS,
         damping=[values["damping_nmsprad"], 0, 0],

@@ -5,11 +5,12 @@ from collections.abc import Mapping
 from sim.tasks.box import Box
 from sim.tasks.door import Door
 from sim.tasks.guidance import GuidanceTask
+from sim.tasks.sequence import Sequence
 from sim.tasks.task import SITE_OPTIONS, Option, Task
 from sim.tasks.valve import Valve
 from sim.tasks.wipe import Wipe
 
-TASKS: Mapping[str, type[Task]] = {task.NAME: task for task in (Wipe, Valve, Door, Box, GuidanceTask)}
+TASKS: Mapping[str, type[Task]] = {task.NAME: task for task in (Wipe, Valve, Door, Box, GuidanceTask, Sequence)}
 
 
 def options_of(name: str) -> dict[str, Option]:

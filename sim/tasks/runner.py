@@ -81,7 +81,11 @@ class TaskRunner:
             self._advance(replace(view, phase_s=view.time_s - self._begun_s))
         elif self._back_off is not None:
             self._command = self._back_off
-            self.moving = view.time_s - self._begun_s < BACK_OFF_S
+            if view.time_s - self._begun_s >= BACK_OFF_S:
+                if self.outcome == Outcome.RUNNING:
+                    self._next(view)
+                else:
+                    self.moving = False
         return self._command
 
     def abort(self, view: TaskView, reason: str) -> None:
@@ -116,7 +120,7 @@ class TaskRunner:
             self._command = self._phase.command(replace(view, phase_s=view.time_s - self._begun_s))
 
     def _next(self, view: TaskView) -> None:
-        self._begun_s, self._wrong_since_s = view.time_s, None
+        self._begun_s, self._wrong_since_s, self._back_off = view.time_s, None, None
         self._phase = next(self._phases, None)
         if self._phase is None:
             self.outcome, self.moving = Outcome.SUCCEEDED, False
@@ -125,8 +129,12 @@ class TaskRunner:
             self.phase = self._phase.name
 
     def _end(self, view: TaskView, outcome: Outcome, reason: str) -> None:
-        self.outcome, self.reason, self.phase, self._phase = outcome, reason, "back off", None
-        self._begun_s = view.time_s
+        recover = self._phase.recover if self._phase is not None and outcome == Outcome.FAILED else None
+        if recover is not None and not view.damping:
+            recover(reason)
+        else:
+            self.outcome, self.reason = outcome, reason
+        self.phase, self._phase, self._begun_s = "back off", None, view.time_s
         place = np.clip(view.hand_in_heading_m + BACK_OFF_M * self._normal, NEAREST_M, FARTHEST_M)
         orientation = self._command.orientation_wxyz
         self._back_off = replace(DEFAULT_COMMAND, position_m=place, orientation_wxyz=orientation)

@@ -58,6 +58,7 @@ class Phase:
         wrong: why the task must stop, such as a contact that is lost; None while all is well.
         patience_s: for how long that must last.
         until: progress, 0 to 1, at the end of the phase.
+        recover: told the reason of a failure, which does not end the task then: the hand backs off, and the next phase begins.
     """
 
     name: str
@@ -68,6 +69,7 @@ class Phase:
     wrong: Callable[[TaskView], str | None] = never
     patience_s: float = 0.5
     until: float = 1.0
+    recover: Callable[[str], None] | None = None
 
 
 class Task(Protocol):

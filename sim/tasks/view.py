@@ -4,7 +4,7 @@ The frame of a site lies on the ground: a scene is built in it with the robot at
 not known: its pose in the robot's odometry is an option of every task.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -58,6 +58,17 @@ class TaskView:
     up: float
     faults: Fault
     damping: bool
+
+    def seen_from(self, site: Site) -> "TaskView":
+        """The same in the frame of a site whose pose is one in this frame."""
+        turn, origin = rotation_z(site.yaw_rad), np.array([site.x_m, site.y_m, 0.0])
+        return replace(
+            self,
+            position_m=(self.position_m - origin[:2]) @ turn[:2, :2],
+            yaw_rad=float(np.angle(np.exp(1j * (self.yaw_rad - site.yaw_rad)))),
+            hand_m=(self.hand_m - origin) @ turn,
+            force_n=self.force_n @ turn,
+        )
 
     def in_heading(self, point_m: np.ndarray) -> np.ndarray:
         """A point (3,) of the site's frame in the heading frame."""
