@@ -139,9 +139,7 @@ class Sequence:
 
         late = "the robot does not come to its place"
         yield Phase("tuck", lambda _: carry(0.0, 0.0), lambda _: False, limit_s=1.0, until=until)
-        yield Phase(
-            "drive", lambda view: drive(view, hub), lambda view: abs(along(view, hub)) < NEAR_M, 10.0, late, until=until
-        )
+        yield Phase("drive", lambda view: drive(view, hub), there, limit_s=10.0, late=late, until=until)
         yield Phase("turn", turn, lambda view: abs(facing(view)) < FACING_RAD, limit_s=15.0, late=late, until=until)
         if place != "door":  # which is driven to from here anyway
             spot = np.array([goal.x_m, goal.y_m])

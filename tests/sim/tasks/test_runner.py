@@ -108,6 +108,16 @@ def test_what_is_wrong_must_last() -> None:
     assert runner.outcome == Outcome.FAILED and runner.reason == "push: the contact is lost"
 
 
+def test_what_can_be_recovered_from_backs_off_and_goes_on() -> None:
+    told: list[str] = []
+    runner = TaskRunner(Played(phase(late="no wall is met", recover=told.append, until=0.5), phase("again")), VIEW)
+    command = runner.step(at(1.1, -8.0))
+    assert told == ["push: no wall is met"] and runner.outcome == Outcome.RUNNING
+    assert runner.phase == "back off" and holds(command)
+    runner.step(at(1.2 + BACK_OFF_S))
+    assert runner.phase == "again" and runner.step(at(1.3 + BACK_OFF_S)) is PUSH
+
+
 @pytest.mark.parametrize(
     ("trouble", "reason"),
     [
@@ -129,6 +139,16 @@ def test_an_aborted_task_backs_off_and_stays_aborted() -> None:
     assert holds(runner.step(at(0.5)))
     runner.abort(at(0.6), "once more")
     assert (runner.outcome, runner.reason) == (Outcome.ABORTED, "it was aborted")
+
+
+def test_a_view_from_another_place_commands_the_same_hand() -> None:
+    view = replace(VIEW, position_m=np.array([0.3, -0.2]), yaw_rad=0.4, force_n=rotation_z(0.4) @ [1.0, 2.0, 3.0])
+    place = Site(-0.4, 0.7, 1.1)
+    there = view.seen_from(place)
+    point = np.array([[0.6, 0.1, 0.5]])
+    np.testing.assert_allclose(there.in_heading(point[0]), view.in_heading(place.in_odometry(point)[0]))
+    np.testing.assert_allclose(place.in_odometry(there.hand_m[None])[0], view.hand_m)
+    np.testing.assert_allclose(rotation_z(1.1) @ there.force_n, view.force_n)
 
 
 def test_a_command_of_the_site_is_the_same_in_heading_wherever_the_robot_stands() -> None:
@@ -174,7 +194,7 @@ def test_every_task_says_what_it_takes_and_refuses_what_it_does_not(name: str) -
 def test_what_is_out_of_reach_is_refused_before_anything_moves() -> None:
     with pytest.raises(TaskRefusedError, match=r"the valve is out of reach.*1\.70.*site_x_m"):
         require_reach("the valve", np.array([[1.7, 0.0, 0.5]]), VIEW, CommandLimits())
-    for name in ("wipe", "valve", "box", "door"):
+    for name in ("wipe", "valve", "box", "door", "sequence"):
         far = replace(VIEW, position_m=np.array([-1.5, 0.0]))
         with pytest.raises(TaskRefusedError):
             TASKS[name](chosen_options(name, {})).check(far, CommandLimits())
