@@ -54,6 +54,8 @@ class RobotSession(Session[HardwareBackend]):
         state = self.backend.state
         if state != self._drive_state and state == DriveState.POLICY:
             self._reset_pipeline()
+        if state != DriveState.POLICY:
+            self.tasks.drop("the controller no longer moves the robot")
         self._drive_state = state
         return super().tick(command, command_age_s)
 
