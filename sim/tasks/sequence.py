@@ -11,6 +11,7 @@ from typing import ClassVar
 import numpy as np
 
 from control.command.limits import DEFAULT_COMMAND, CommandLimits
+from control.timing import CONTROL_PERIOD_S
 from control.types import Command
 from sim.scenes.workshop import HUB_M, PLACES
 from sim.tasks.door import Door
@@ -25,6 +26,7 @@ KINDS: Mapping[int, tuple[str, type[Task], Mapping[str, float]]] = {
     3: ("door", Door, {}),
 }
 """By number of the plan: the place, the task, and its options that are not at their defaults."""
+_DOOR = 3
 TRIES = 2
 NEAR_M, FACING_RAD = 0.02, 0.03
 SPEED_MPS, TURN_RPS = 0.25, 0.4
@@ -50,6 +52,8 @@ class Sequence:
         """See Task."""
         if not self._plan:
             raise TaskRefusedError("the plan is empty; set the options first, second and third")
+        if _DOOR in self._plan[:-1]:
+            raise TaskRefusedError("the door must come last in the plan: it closes behind the robot")
         if np.hypot(*(view.position_m - HUB_M)) > 1.0 or abs(view.yaw_rad) > 0.3:
             raise TaskRefusedError("the robot does not stand where the workshop begins; reset the scene")
 
@@ -85,6 +89,9 @@ class Sequence:
                 if not self._failed:
                     self._done += 1
                     break
+        if self._done < len(self._plan):
+            missing = f"{len(self._plan) - self._done} of {len(self._plan)} steps were not done"
+            yield Phase("report", lambda _: carry(0.0, 0.0), lambda _: False, limit_s=CONTROL_PERIOD_S, late=missing)
 
     def _at(self, place: str, phase: Phase, until: float, *, gives_up: bool) -> Phase:
         """A phase of a task that works in the frame of a place; what goes wrong in it is noted, and backed off from."""

@@ -191,6 +191,26 @@ def test_every_task_says_what_it_takes_and_refuses_what_it_does_not(name: str) -
     assert all(isinstance(value, float) for value in task.metrics().values())
 
 
+@pytest.mark.parametrize(("plan", "reason"), [((0.0, 0.0, 0.0), "empty"), ((3.0, 1.0, 0.0), "door must come last")])
+def test_a_plan_that_cannot_be_played_is_refused(plan: tuple[float, float, float], reason: str) -> None:
+    options = dict(zip(("first", "second", "third"), plan, strict=True))
+    with pytest.raises(TaskRefusedError, match=reason):
+        TASKS["sequence"](chosen_options("sequence", options)).check(VIEW, CommandLimits())
+
+
+def test_a_step_of_a_sequence_that_fails_twice_is_left_out_and_told() -> None:
+    task = TASKS["sequence"](chosen_options("sequence", {"first": 1.0, "second": 2.0, "third": 0.0}))
+    names: list[str] = []
+    for phase in task.phases():
+        names.append(phase.name)
+        if phase.name == "valve touch":
+            assert phase.recover is not None
+            phase.recover("valve touch: no handle is met")
+    assert names.count("valve touch") == 2 and "valve search" not in names
+    assert names.index("board wipe") > names.index("come") and names[-1] == "report"
+    assert (task.metrics()["steps"], task.metrics()["steps_done"], task.metrics()["tries"]) == (2.0, 1.0, 3.0)
+
+
 def test_what_is_out_of_reach_is_refused_before_anything_moves() -> None:
     with pytest.raises(TaskRefusedError, match=r"the valve is out of reach.*1\.70.*site_x_m"):
         require_reach("the valve", np.array([[1.7, 0.0, 0.5]]), VIEW, CommandLimits())
