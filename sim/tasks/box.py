@@ -33,7 +33,7 @@ class Box:
 
     def __init__(self, options: Mapping[str, float]) -> None:
         self._press, self._travel, self._periods = options["press_n"], options["travel_m"], options["periods"]
-        self._squares = [np.zeros(2)]
+        self._squares: list[np.ndarray] = []
         self._start_m, self._places = 0.0, [0.0]
 
     def check(self, view: TaskView, limits: CommandLimits) -> None:
@@ -46,7 +46,7 @@ class Box:
 
     def metrics(self) -> dict[str, float]:
         """Root mean square of the errors of the estimated forces, and how far the hand went."""
-        lateral, normal = np.sqrt(np.mean(self._squares, axis=0))
+        lateral, normal = np.sqrt(np.mean(self._squares or [np.full(2, np.nan)], axis=0))
         return {
             "force_y_rmse_n": float(lateral),
             "force_z_rmse_n": float(normal),
@@ -106,7 +106,6 @@ class Box:
             until=0.15,
         )
         yield Phase("press", lambda view: press(view, self._press), lambda _: False, limit_s=2.0, until=0.25)
-        self._squares.clear()
         yield Phase("drag", drag, lambda _: False, limit_s=self._periods / FREQUENCY_HZ, wrong=slipped, until=0.95)
         yield Phase(
             "lift",

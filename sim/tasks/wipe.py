@@ -38,7 +38,7 @@ class Wipe:
         self._half = options["half_x_m"], options["half_y_m"]
         self._period = options["period_s"]
         self._duration = options["loops"] * self._period
-        self._squares = [np.zeros(3)]
+        self._squares: list[np.ndarray] = []
         self.target_m: np.ndarray | None = None
 
     def check(self, view: TaskView, limits: CommandLimits) -> None:
@@ -52,7 +52,7 @@ class Wipe:
 
     def metrics(self) -> dict[str, float]:
         """Root mean square of the planar error against the pattern, and of the estimated normal force against the one asked."""
-        across, normal, lost = np.mean(self._squares, axis=0)
+        across, normal, lost = np.mean(self._squares or [np.full(3, np.nan)], axis=0)
         return {
             "position_rmse_cm": 100.0 * float(np.sqrt(across)),
             "force_rmse_n": float(np.sqrt(normal)),
@@ -104,7 +104,6 @@ class Wipe:
             until=0.15,
         )
         yield Phase("press", lambda view: press(view, self._force), lambda _: False, limit_s=1.5, until=0.2)
-        self._squares.clear()
         yield Phase("wipe", wipe, lambda _: False, limit_s=self._duration, wrong=off_the_board, until=0.95)
         self.target_m = None
         yield Phase(
