@@ -19,16 +19,20 @@ from server.backend_choice import BackendChoice, with_options
 from server.control_client import SLOW_CALL_TIMEOUT_S, ControlClient
 from server.control_process import ControlLaunch
 from server.errors import ControlDeadError, ControlTimeoutError, InvalidFieldError, RefusedError
+from server.fields import in_words
 from server.leadership import Leadership, needs_lease
 from server.robot_handle import RobotHandle
 from server.schemas import BackendRequest, CommandPatch, MismatchRequest, RunRequest, StepRequest
+from server.task_handle import TaskHandle
 from server.validation import validated
 from sim.backends.hardware.backend import unavailable_because
 from sim.backends.hardware.config import HardwareConfig
 from sim.backends.hardware.states import ACTIVE
 from sim.backends.hardware.status import HardwareStatus
 from sim.runtime.fault_words import ESTOP_LATCHED
-from sim.runtime.snapshot import COMMAND, Mode, command_to_record, on_hardware
+from sim.runtime.snapshot import COMMAND, Mode, command_from_record, command_to_record, on_hardware
+from sim.scenes import SCENE_NAMES, draw
+from sim.scenes import parameters as scene_parameters
 
 _log = logging.getLogger(__name__)
 
@@ -64,6 +68,7 @@ class Operator:
         self._hardware = hardware or HardwareConfig()
         self.robot = RobotHandle(client)
         self.leadership = Leadership(self._stop_base)
+        self.tasks = TaskHandle(client, self.leadership, lambda: self.command()[1])
         self._switching = threading.Lock()
         self._lock = threading.RLock()
         self._command = clip_command(DEFAULT_COMMAND, self.limits)
@@ -128,7 +133,7 @@ class Operator:
             if not changes:
                 return self._command, self._sequence
             try:
-                self._command = clip_command(replace(self._command, **changes), self.limits)
+                self._command = clip_command(replace(self._held_command(), **changes), self.limits)
             except CommandError as error:
                 raise InvalidFieldError(error.field, str(error), "see the message") from None
             self._sequence += 1
@@ -243,11 +248,30 @@ class Operator:
         return self.robot.status()
 
     @needs_lease
-    def set_scene(self, name: str) -> None:
-        """Load a scene with the robot at its start and the command at its default."""
+    def set_scene(
+        self, name: str, parameters: Mapping[str, float] | None = None, *, seed: int | None = None, rigid: bool = False
+    ) -> None:
+        """Load a scene with the robot at its start and the command at its default.
+
+        Args:
+            name: of the scene.
+            parameters: of it, those that are not at their defaults.
+            seed: draws the parameters that are not given.
+            rigid: without padding on what the hand touches.
+        """
         self._require_choice("scenes", name)
-        self._client.call("set_scene", SLOW_CALL_TIMEOUT_S, name=name)
+        values = dict(parameters or {})
+        if name in SCENE_NAMES:
+            require_parameters(name, values)
+            values = {**(draw(name, seed) if seed is not None else {}), **values}
+        self._client.call("set_scene", SLOW_CALL_TIMEOUT_S, name=name, parameters=values, rigid=rigid)
         self._hold()
+
+    @needs_lease
+    def set_parameters(self, values: Mapping[str, float]) -> None:
+        """Change parameters of the scene while it runs."""
+        require_parameters(self._client.require_snapshot()["scene"].decode(), values)
+        self._client.call("set_parameters", SLOW_CALL_TIMEOUT_S, parameters=dict(values))
 
     @needs_lease
     def set_run(self, state: Literal["running", "paused"] | None, speed: float | None) -> dict[str, Any]:
@@ -344,6 +368,13 @@ class Operator:
         self.robot.choice = choice
         self._client.restart(session=session, estopped=estopped, **choice.launch(paused=paused))
 
+    def _held_command(self) -> Command:
+        """What an operator's change is a change of: his own command, or what a task holds that he takes over from."""
+        snapshot = self._client.snapshot()
+        if snapshot is None or not snapshot["task_in_charge"] or snapshot["command_sequence"] != self._sequence:
+            return self._command
+        return replace(command_from_record(snapshot["command"]), base_velocity=np.zeros(3), guidance=False)
+
     def _hold(self) -> None:
         self._client.write_setpoint(drag_active=False)  # first: a new sequence number says that all of the set-point is new
         with self._lock:
@@ -381,6 +412,23 @@ class Operator:
             raise InvalidFieldError(
                 "name" if kind != "keyframes" else "keyframe", f"{name!r} does not exist", ", ".join(choices)
             )
+
+
+def require_parameters(scene: str, values: Mapping[str, float]) -> None:
+    """
+    Raises:
+        InvalidFieldError: a scene has no such parameter, or not with this value.
+        RefusedError: nothing is known of what stands around the robot.
+    """
+    if scene not in SCENE_NAMES:
+        raise RefusedError("the scene: simulation only; PUT /api/v1/backend with 'simulation' first")
+    known = {parameter.name: parameter for parameter in scene_parameters(scene)}
+    for key, value in values.items():
+        if key not in known:
+            raise InvalidFieldError(f"parameters.{key}", "is unknown", ", ".join(known) or "none")
+        limits = known[key].minimum, known[key].maximum
+        if not limits[0] <= value <= limits[1]:
+            raise InvalidFieldError(f"parameters.{key}", "is outside the allowed range", in_words(limits))
 
 
 def _plain(value: Any) -> Any:

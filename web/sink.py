@@ -1,7 +1,7 @@
 """What the console acts on. The server provides it; every method may be called from any thread."""
 
 import time
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable, Coroutine, Mapping
 from typing import Any, Literal, Protocol, TypeVar
 from weakref import WeakKeyDictionary
 
@@ -9,6 +9,24 @@ import viser
 
 from control.command.limits import CommandLimits
 from sim.backends.hardware.status import HardwareStatus
+
+
+class TaskSink(Protocol):
+    """What the robot does by itself."""
+
+    def kinds(self) -> Any:
+        """The tasks that there are: a list of {name, scene, description, options}. Returns at once."""
+        ...
+
+    def start(self, name: str, options: Mapping[str, float]) -> object:
+        """Begin a task. Waits until it is begun."""
+
+    def get(self) -> Any:
+        """The task begun last: {name, phase, progress, outcome, reason, metrics, plan_m}. Waits for the answer."""
+        ...
+
+    def abort(self) -> object:
+        """Abort the task at work. Waits until it backs off."""
 
 
 class ConsoleSink(Protocol):
@@ -19,6 +37,11 @@ class ConsoleSink(Protocol):
     """
 
     limits: CommandLimits
+
+    @property
+    def tasks(self) -> TaskSink:
+        """The tasks."""
+        ...
 
     def available(self) -> dict[str, Any]:
         """Names in `controllers`, `estimators`, `scenes`; in `backends` {name, available, reason} with the reason why not."""
@@ -41,6 +64,9 @@ class ConsoleSink(Protocol):
 
     def set_scene(self, name: str) -> object:
         """Load a scene. Waits until it is done."""
+
+    def set_parameters(self, values: Mapping[str, float]) -> object:
+        """Change parameters of the scene. Waits until it is done."""
 
     def set_run(self, state: Literal["running", "paused"] | None, speed: float | None) -> object:
         """Run or pause, and at which speed; None leaves as it is. Waits until it is done."""

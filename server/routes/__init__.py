@@ -1,6 +1,6 @@
 """The REST interface, one module per group of calls."""
 
-from server.routes import command, hand_load, hardware, lease, safety, selection, simulation, system, wrenches
+from server.routes import command, hand_load, hardware, lease, safety, selection, simulation, system, tasks, wrenches
 
 ROUTERS = (
     system.router,
@@ -11,5 +11,6 @@ ROUTERS = (
     selection.router,
     hand_load.router,
     wrenches.router,
+    tasks.router,
     hardware.router,
 )

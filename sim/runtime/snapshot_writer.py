@@ -20,6 +20,7 @@ from control.types import Command, ForceEstimate, SensorFrame
 from control.whole_body.controller import Controller
 from sim.backends.protocol import GroundTruth
 from sim.runtime.snapshot import COMMAND, MAX_ESTIMATORS, SNAPSHOT, Mode
+from sim.tasks.desk import TaskDesk
 
 LOADED_WHEEL_N = 5.0
 """Estimated normal force above which a wheel counts as in contact where there is no truth."""
@@ -162,6 +163,24 @@ def write_forces(
         truth.object_positions,
         truth.object_orientations_wxyz,
     )
+
+
+def write_named(record: np.void, kind: str, values: Mapping[str, float]) -> None:
+    """The readings or the parameters of a scene, as `kind` says, into a SNAPSHOT record."""
+    names, numbers = record[f"{kind}_names"], record[f"{kind}s"]
+    names[:], numbers[:] = b"", np.nan
+    names[: len(values)], numbers[: len(values)] = list(values), list(values.values())
+
+
+def write_task(record: np.void, tasks: TaskDesk) -> None:
+    """The task that was begun last into a SNAPSHOT record."""
+    task = tasks.current
+    record["task_in_charge"] = tasks.in_charge
+    if task is None:
+        return
+    record["task_id"], record["task_name"] = task.id, task.name
+    record["task_phase"] = task.runner.phase
+    record["task_progress"], record["task_outcome"] = task.runner.progress, task.runner.outcome
 
 
 def write_hand_load(record: np.void, numbers: np.ndarray, load: HandLoadState) -> None:

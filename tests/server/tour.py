@@ -61,6 +61,17 @@ def tour(http: httpx.Client) -> Iterator[httpx.Response]:
     yield call("PATCH", "command", {"guidance": True})
     yield call("DELETE", "lease", headers=token)
 
+    yield call("GET", "tasks")
+    yield call("GET", "tasks/current")
+    yield call("POST", "tasks", {"name": "wipe", "options": {"force_n": 15}})
+    yield call("POST", "tasks", {"name": "guidance", "options": {"lead_s": 5}})
+    yield call("POST", "tasks", {"name": "guidance", "options": {}})
+    yield call("POST", "tasks", {"name": "guidance", "options": {"lead_s": 50}})
+    yield call("GET", "tasks/1")
+    yield call("DELETE", "tasks/current")
+    yield call("PATCH", "scene", {"parameters": {"spring_scale": 2.0}})
+    yield call("PATCH", "scene", {"parameters": {}})
+
     yield call("POST", "step", {"ticks": 10})
     call("POST", "run", {"state": "paused"})
     yield call("POST", "step", {"ticks": 10})
