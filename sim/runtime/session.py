@@ -19,11 +19,11 @@ from control.types import Command
 from sim.backends.protocol import Backend, GroundTruth
 from sim.runtime.fault_words import ESTOP_LATCHED
 from sim.runtime.snapshot import MAX_ESTIMATORS, NAME, Mode, command_from_record
+from sim.runtime.snapshot_kernels import track_error_power
 from sim.runtime.snapshot_limits import check_name, check_pipeline
 from sim.runtime.snapshot_writer import (
     newest_forces,
     numbers_of,
-    track_error_power,
     write_commands,
     write_failures,
     write_forces,
