@@ -7,8 +7,8 @@ import contextlib
 import logging
 import threading
 import time
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -26,6 +26,7 @@ from sim.backends.hardware.backend import unavailable_because
 from sim.backends.hardware.config import HardwareConfig
 from sim.backends.hardware.states import ACTIVE
 from sim.backends.hardware.status import HardwareStatus
+from sim.backends.simulation.mismatch import Mismatch
 from sim.runtime.fault_words import ESTOP_LATCHED
 from sim.runtime.snapshot import COMMAND, Mode, command_to_record, on_hardware
 
@@ -39,10 +40,7 @@ class Selection:
     """What the snapshot does not carry: the newest gains and mismatch that were asked for."""
 
     gains: tuple[float, float] | None = None
-    mass_scale: float = 1.0
-    per_link: Mapping[str, float] | None = None
-    payload_kg: float = 0.0
-    payload_center_m: Sequence[float] = (0.0, 0.0, 0.0)
+    mismatch: Mismatch = field(default_factory=Mismatch)
 
 
 class Operator:
@@ -156,11 +154,27 @@ class Operator:
         self._client.call("select_estimator", name=name, k1=gains[0], k2=gains[1])
         self.selection = replace(self.selection, gains=gains)
 
-    def set_mismatch(self, mass_scale: float, **rest: Any) -> None:
-        """Scale the masses of the simulated robot and load its hand; `rest` as MismatchRequest."""
-        request = validated(MismatchRequest, {"mass_scale": mass_scale, **rest})
+    def mismatch(self) -> Mismatch:
+        """Masses of the simulated robot and load of its hand as last asked for."""
+        return self.selection.mismatch
+
+    def set_mismatch(self, **fields: Any) -> None:
+        """Scale the masses of the simulated robot and load its hand.
+
+        Args:
+            fields: of MismatchRequest; what is left out stays as it was last asked for.
+        """
+        chosen = self.selection.mismatch
+        now = {
+            "mass_scale": chosen.mass_scale,
+            "per_link": dict(chosen.per_link),
+            "payload_kg": chosen.payload_kg,
+            "payload_center_m": list(chosen.payload_center_m),
+        }
+        request = validated(MismatchRequest, now | fields)
         self._client.call("set_mismatch", SLOW_CALL_TIMEOUT_S, **request)
-        self.selection = replace(self.selection, **request)
+        x, y, z = request.pop("payload_center_m")
+        self.selection = replace(self.selection, mismatch=replace(chosen, **request, payload_center_m=(x, y, z)))
 
     def tare(self) -> None:
         """Make what the free hand reads its zero."""

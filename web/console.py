@@ -22,6 +22,7 @@ from web.command_panel import CommandPanel
 from web.drag import GrabHandle, TargetGizmo
 from web.estimators_panel import EstimatorsPanel
 from web.force_arrows import ForceArrows
+from web.hand_load_panel import HandLoadPanel
 from web.hardware_panel import HardwarePanel
 from web.objects import SceneObjects
 from web.policy_panel import PolicyPanel
@@ -81,6 +82,7 @@ class Console:
             self._command = CommandPanel(server, sink)
         with tabs.add_tab("Setup"):
             self._setup = SetupPanel(server, sink)
+            self._hand_load = HandLoadPanel(gui, sink)
             self._policy = PolicyPanel(gui)
         with tabs.add_tab("Robot"):
             self._hardware = HardwarePanel(server, sink)
@@ -144,6 +146,7 @@ class Console:
         self._camera.update(snapshot)
         self._command.update(snapshot)
         self._setup.update(snapshot)
+        self._hand_load.update(snapshot)
         self._policy.update(snapshot)
         self._charts.update(snapshot)
         self._estimators.update(snapshot)

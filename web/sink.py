@@ -1,12 +1,13 @@
 """What the console acts on. The server provides it; every method may be called from any thread."""
 
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable, Coroutine, Sequence
 from typing import Any, Literal, Protocol, TypeVar
 
 import viser
 
 from control.command.limits import CommandLimits
 from sim.backends.hardware.status import HardwareStatus
+from sim.backends.simulation.mismatch import Mismatch
 
 
 class ConsoleSink(Protocol):
@@ -34,8 +35,24 @@ class ConsoleSink(Protocol):
     def select_estimator(self, name: str) -> object:
         """Choose whose estimate feeds the controller. Waits until it is done."""
 
-    def set_mismatch(self, mass_scale: float) -> object:
-        """Scale the simulated robot's mass. Waits until it is done."""
+    def mismatch(self) -> Mismatch:
+        """How the simulated robot differs from its model, as chosen. Returns at once."""
+        ...
+
+    def set_mismatch(self, **fields: Any) -> object:
+        """Choose fields of `mismatch`; what is left out stays. Waits until it is done."""
+
+    def tare(self) -> object:
+        """Make what the free hand reads its zero. Waits until it is done."""
+
+    def clear_tare(self) -> object:
+        """Take nothing from the estimates any more. Waits until it is done."""
+
+    def set_tool(self, mass_kg: float, center_of_mass_m: Sequence[float]) -> object:
+        """Tell controller and estimators what the hand carries. Waits until it is done."""
+
+    def identify_tool(self) -> object:
+        """Begin the motion that finds what the hand carries. Waits until it has begun."""
 
     def set_scene(self, name: str) -> object:
         """Load a scene. Waits until it is done."""

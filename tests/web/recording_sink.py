@@ -1,19 +1,34 @@
 """A ConsoleSink that keeps what it was told."""
 
+import time
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from control.command.limits import CommandLimits
 from sim.backends.hardware.status import HardwareStatus
+from sim.backends.simulation.mismatch import Mismatch
+
+PATIENCE_S = 20.0
+
+
+def until(condition: Callable[[], object]) -> None:
+    """Wait until a condition holds."""
+    deadline = time.monotonic() + PATIENCE_S
+    while not condition():
+        assert time.monotonic() < deadline, "it never happened"
+        time.sleep(0.005)
 
 
 class RecordingSink:
-    """Records every call as (method, argument) in `calls`."""
+    """Records every call as (method, argument) in `calls`, and raises `refusal` where there is one."""
 
     limits = CommandLimits()
 
     def __init__(self) -> None:
         self.calls: list[tuple[str, Any]] = []
         self.status: HardwareStatus | None = None
+        self.chosen_mismatch = Mismatch()
+        self.refusal: Exception | None = None
 
     def available(self) -> dict[str, Any]:
         return {
@@ -28,6 +43,13 @@ class RecordingSink:
 
     def _call(self, name: str, argument: Any) -> None:
         self.calls.append((name, argument))
+        if self.refusal is not None:
+            raise self.refusal
+
+    def wait_for(self, name: str) -> Any:
+        """The argument of the newest call of a method, which a panel makes in its own time."""
+        until(lambda: any(called == name for called, _ in self.calls))
+        return next(argument for called, argument in reversed(self.calls) if called == name)
 
     def patch_command(self, **fields: Any) -> None:
         self._call("patch_command", fields)
@@ -41,8 +63,23 @@ class RecordingSink:
     def select_estimator(self, name: str) -> None:
         self._call("select_estimator", name)
 
-    def set_mismatch(self, mass_scale: float) -> None:
-        self._call("set_mismatch", mass_scale)
+    def mismatch(self) -> Mismatch:
+        return self.chosen_mismatch
+
+    def set_mismatch(self, **fields: Any) -> None:
+        self._call("set_mismatch", fields)
+
+    def tare(self) -> None:
+        self._call("tare", None)
+
+    def clear_tare(self) -> None:
+        self._call("clear_tare", None)
+
+    def set_tool(self, mass_kg: float, center_of_mass_m: Sequence[float]) -> None:
+        self._call("set_tool", (mass_kg, tuple(center_of_mass_m)))
+
+    def identify_tool(self) -> None:
+        self._call("identify_tool", None)
 
     def set_scene(self, name: str) -> None:
         self._call("set_scene", name)
