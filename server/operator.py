@@ -8,6 +8,7 @@ import logging
 import threading
 import time
 from collections.abc import Iterator, Sequence
+from concurrent.futures import Future
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
@@ -20,7 +21,7 @@ from server.control_client import SLOW_CALL_TIMEOUT_S, ControlClient
 from server.control_process import ControlLaunch
 from server.errors import ControlDeadError, ControlTimeoutError, InvalidFieldError, RefusedError
 from server.robot_handle import RobotHandle
-from server.schemas import BackendRequest, CommandPatch, MismatchRequest, RunRequest, StepRequest
+from server.schemas import BackendRequest, CommandPatch, MismatchRequest, RunRequest, StepRequest, WrenchRequest
 from server.validation import validated
 from sim.backends.hardware.backend import unavailable_because
 from sim.backends.hardware.config import HardwareConfig
@@ -175,6 +176,22 @@ class Operator:
         self._client.call("set_mismatch", SLOW_CALL_TIMEOUT_S, **request)
         x, y, z = request.pop("payload_center_m")
         self.selection = replace(self.selection, mismatch=replace(chosen, **request, payload_center_m=(x, y, z)))
+
+    def add_wrench(self, **fields: Any) -> int:
+        """Push the simulated robot, in addition to what acts already; `fields` as WrenchRequest. Its id."""
+        return self._client.call("add_wrench", **validated(WrenchRequest, fields))
+
+    def list_wrenches(self) -> "Future[list[dict[str, Any]]]":
+        """What acts now, oldest first. Does not wait."""
+        return self._client.submit("list_wrenches")
+
+    def remove_wrench(self, key: int) -> None:
+        """End a wrench.
+
+        Raises:
+            MissingError: it is not at work.
+        """
+        self._client.call("remove_wrench", key=key)
 
     def tare(self) -> None:
         """Make what the free hand reads its zero."""

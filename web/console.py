@@ -15,6 +15,7 @@ import numpy as np
 import viser
 
 from web import theme
+from web.acting_wrenches import ActingWrenches
 from web.alert import Alert
 from web.camera import Camera
 from web.charts import ForceCharts
@@ -26,6 +27,8 @@ from web.hand_load_panel import HandLoadPanel
 from web.hardware_panel import HardwarePanel
 from web.objects import SceneObjects
 from web.policy_panel import PolicyPanel
+from web.push_panel import PushPanel
+from web.robot_pose import RobotPose
 from web.scene import Scene
 from web.setup_panel import SetupPanel
 from web.sink import ConsoleSink
@@ -74,6 +77,8 @@ class Console:
         self._camera = Camera(server)
         self._forces = ForceArrows(server)
         self._contacts = WheelContacts(server)
+        pose = RobotPose()
+        self._wrenches = ActingWrenches(server, sink, pose)
         self._grab = GrabHandle(server, sink)
         self._gizmo = TargetGizmo(server, sink)
         self._alert = Alert(server)
@@ -84,6 +89,8 @@ class Console:
             self._setup = SetupPanel(server, sink)
             self._hand_load = HandLoadPanel(gui, sink)
             self._policy = PolicyPanel(gui)
+        with tabs.add_tab("Push"):
+            self._push = PushPanel(server, sink, pose, self._wrenches)
         with tabs.add_tab("Robot"):
             self._hardware = HardwarePanel(server, sink)
         ViewPanel(server, sink, tabs.add_tab("View"), self._camera, self._forces, self._contacts)
@@ -132,6 +139,7 @@ class Console:
             if snapshot is None:
                 self._forces.hide()
                 self._contacts.hide()
+                self._wrenches.hide()
             else:
                 self._draw_live(snapshot)
         self._server.flush()
@@ -141,6 +149,8 @@ class Console:
         self._objects.update(snapshot)
         self._forces.update(snapshot)
         self._contacts.update(snapshot)
+        self._wrenches.update(snapshot)
+        self._push.update(snapshot)
         self._grab.update(snapshot)
         self._gizmo.update(snapshot)
         self._camera.update(snapshot)

@@ -1,6 +1,7 @@
 """What the console acts on. The server provides it; every method may be called from any thread."""
 
 from collections.abc import Callable, Coroutine, Sequence
+from concurrent.futures import Future
 from typing import Any, Literal, Protocol, TypeVar
 
 import viser
@@ -53,6 +54,17 @@ class ConsoleSink(Protocol):
 
     def identify_tool(self) -> object:
         """Begin the motion that finds what the hand carries. Waits until it has begun."""
+
+    def add_wrench(self, **fields: Any) -> int:
+        """Push the simulated robot, `fields` as POST /wrenches takes them; its id. Waits until it acts."""
+        ...
+
+    def list_wrenches(self) -> "Future[list[dict[str, Any]]]":
+        """What acts now, oldest first, as GET /wrenches answers. Returns at once."""
+        ...
+
+    def remove_wrench(self, key: int) -> object:
+        """End a wrench. Waits until it is done."""
 
     def set_scene(self, name: str) -> object:
         """Load a scene. Waits until it is done."""

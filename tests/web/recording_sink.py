@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable, Sequence
+from concurrent.futures import Future
 from typing import Any
 
 from control.command.limits import CommandLimits
@@ -28,6 +29,7 @@ class RecordingSink:
         self.calls: list[tuple[str, Any]] = []
         self.status: HardwareStatus | None = None
         self.chosen_mismatch = Mismatch()
+        self.wrenches: list[dict[str, Any]] = []
         self.refusal: Exception | None = None
 
     def available(self) -> dict[str, Any]:
@@ -80,6 +82,18 @@ class RecordingSink:
 
     def identify_tool(self) -> None:
         self._call("identify_tool", None)
+
+    def add_wrench(self, **fields: Any) -> int:
+        self._call("add_wrench", fields)
+        return 1
+
+    def list_wrenches(self) -> "Future[list[dict[str, Any]]]":
+        listed: Future[list[dict[str, Any]]] = Future()
+        listed.set_result(self.wrenches)
+        return listed
+
+    def remove_wrench(self, key: int) -> None:
+        self._call("remove_wrench", key)
 
     def set_scene(self, name: str) -> None:
         self._call("set_scene", name)
