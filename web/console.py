@@ -28,6 +28,8 @@ from web.hardware_panel import HardwarePanel
 from web.objects import SceneObjects
 from web.policy_panel import PolicyPanel
 from web.push_panel import PushPanel
+from web.push_test import PushTests
+from web.push_test_panel import PushTestPanel
 from web.robot_pose import RobotPose
 from web.scene import Scene
 from web.setup_panel import SetupPanel
@@ -51,11 +53,12 @@ class Console:
         door: the way to it.
     """
 
-    def __init__(self, sink: ConsoleSink, snapshot_source: Callable[[], np.void | None]) -> None:
+    def __init__(self, sink: ConsoleSink, snapshot_source: Callable[[], np.void | None], push_tests: PushTests) -> None:
         """
         Args:
             sink: what the operator's actions go to.
             snapshot_source: newest SNAPSHOT record, or None when the control process is dead.
+            push_tests: runs them.
         """
         self._snapshot_source = snapshot_source
         self.door = ViserDoor()
@@ -64,9 +67,9 @@ class Console:
             self._server = start_viser(self.door, label="Forcelens")
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._pump, name="console-pump", daemon=True)
-        self._build(sink)
+        self._build(sink, push_tests)
 
-    def _build(self, sink: ConsoleSink) -> None:
+    def _build(self, sink: ConsoleSink, push_tests: PushTests) -> None:
         server = self._server
         gui = server.gui
         gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False, brand_color=theme.BRAND)
@@ -91,6 +94,7 @@ class Console:
             self._policy = PolicyPanel(gui)
         with tabs.add_tab("Push"):
             self._push = PushPanel(server, sink, pose, self._wrenches)
+            self._push_test = PushTestPanel(gui, push_tests)
         with tabs.add_tab("Robot"):
             self._hardware = HardwarePanel(server, sink)
         ViewPanel(server, sink, tabs.add_tab("View"), self._camera, self._forces, self._contacts)
@@ -151,6 +155,7 @@ class Console:
         self._contacts.update(snapshot)
         self._wrenches.update(snapshot)
         self._push.update(snapshot)
+        self._push_test.update(snapshot)
         self._grab.update(snapshot)
         self._gizmo.update(snapshot)
         self._camera.update(snapshot)
