@@ -75,13 +75,7 @@ def spot(outcome: PullOutcome) -> tuple[float, float]:
 
 def plot_svg(outcomes: tuple[PullOutcome, ...]) -> str:
     """Largest tilt by direction of the pull, one line per elevation; a cross on the rim for a fall."""
-    parts = [
-        f'<circle r="{ring / SHOWN_DEG:.3f}" fill="none" stroke="{theme.FAINT}" stroke-width=".006"/>' for ring in _RINGS_DEG
-    ]
-    parts += [
-        f'<text y="{-ring / SHOWN_DEG + 0.09:.3f}" font-size=".09" fill="{theme.FAINT}" text-anchor="middle">{ring:.0f}&deg;</text>'
-        for ring in _RINGS_DEG
-    ]
+    parts = [_ring(ring) for ring in _RINGS_DEG]
     for level, (_, color) in _LEVELS.items():
         around = [each for each in outcomes if each.direction[2] == level and any(each.direction[:2])]
         around.sort(key=lambda each: np.arctan2(each.direction[1], each.direction[0]))
@@ -91,6 +85,14 @@ def plot_svg(outcomes: tuple[PullOutcome, ...]) -> str:
         parts += [f'<circle cx="{x:.3f}" cy="{y:.3f}" r=".03" fill="{theme.css(color)}"/>' for x, y in points]
         parts += [_cross(*spot(each)) for each in around if each.fell]
     return f'<svg viewBox="-1.1 -1.1 2.2 2.2" style="width:100%;display:block">{"".join(parts)}</svg>'
+
+
+def _ring(tilt_deg: float) -> str:
+    radius = tilt_deg / SHOWN_DEG
+    return (
+        f'<circle r="{radius:.3f}" fill="none" stroke="{theme.FAINT}" stroke-width=".006"/>'
+        f'<text y="{0.09 - radius:.3f}" font-size=".09" fill="{theme.FAINT}" text-anchor="middle">{tilt_deg:.0f}&deg;</text>'
+    )
 
 
 def _cross(x: float, y: float) -> str:
@@ -118,12 +120,12 @@ def push_test_html(status: PushTestStatus) -> str:
             if not any(each.direction[:2])
         ]
         shown = {each.direction[2] for each in done if any(each.direction[:2])}
-        legend = [
+        legend = ", ".join(
             f'<span style="color:{theme.css(color)}">{name}</span>'
             for level, (name, color) in _LEVELS.items()
             if level in shown
-        ]
-        lines.append(f"Largest tilt by direction of the pull (ahead is up): {', '.join(legend)}; a cross fell")
+        )
+        lines.append(f"Largest tilt by direction of the pull (ahead is up): {legend}; a cross fell")
         lines.append(plot_svg(done))
     body = "".join(f"<div>{line}</div>" for line in lines)
     return f'<div style="{theme.SMALL_TEXT}" data-forcelens="push-test">{body}</div>'

@@ -16,7 +16,7 @@ from server.push_test import ALL_AROUND, PushTest
 from sim.runtime.snapshot import SNAPSHOT, Mode
 from web.push_test import PushTestStatus
 
-TICK_S = 0.2
+TICK_S = 1.0
 """Simulated time between two looks: the robot below lives fast."""
 
 
@@ -39,11 +39,8 @@ class Robot:
         self.stand()
 
     def stand(self) -> None:
-        self.record["time_s"], self.record["base_position"], self.record["base_orientation_wxyz"] = (
-            0,
-            [0, 0, 0.36],
-            [1, 0, 0, 0],
-        )
+        self.record["time_s"] = 0.0
+        self.record["base_position"], self.record["base_orientation_wxyz"] = [0.0, 0.0, 0.36], [1.0, 0.0, 0.0, 0.0]
 
     def look(self) -> np.void:
         self.before_look()
@@ -79,21 +76,21 @@ def robot() -> Robot:
 
 
 @pytest.fixture
-def test(robot: Robot) -> PushTest:
+def pushing(robot: Robot) -> PushTest:
     return PushTest(cast(Operator, robot))
 
 
-def finished(test: PushTest) -> PushTestStatus:
+def finished(pushing: PushTest) -> PushTestStatus:
     deadline = time.monotonic() + 120.0
-    while (status := test.status()).running:
+    while (status := pushing.status()).running:
         assert time.monotonic() < deadline
         time.sleep(0.01)
     return status
 
 
-def test_it_pulls_from_all_around_counts_falls_and_restores_the_command(robot: Robot, test: PushTest) -> None:
-    test.start("guidance", 20.0, 8)
-    status = finished(test)
+def test_it_pulls_from_all_around_counts_falls_and_restores_the_command(robot: Robot, pushing: PushTest) -> None:
+    pushing.start("guidance", 20.0, 8)
+    status = finished(pushing)
     assert status.message == "The test is done."
     assert [each.direction for each in status.done] == [d for d in ALL_AROUND if d[2] == 0.0]
     assert [each.direction for each in status.done if each.fell] == [(0.0, 1.0, 0.0)]
@@ -113,7 +110,7 @@ def test_it_pulls_from_all_around_counts_falls_and_restores_the_command(robot: R
         ("cancel", "it was cancelled"),
     ],
 )
-def test_it_ends_with_what_comes_between(robot: Robot, test: PushTest, what: str, words: str) -> None:
+def test_it_ends_with_what_comes_between(robot: Robot, pushing: PushTest, what: str, words: str) -> None:
     pulling = threading.Event()
 
     def between() -> None:
@@ -131,11 +128,11 @@ def test_it_ends_with_what_comes_between(robot: Robot, test: PushTest, what: str
         elif what == "dead":
             robot.client.live_snapshot = lambda: None
         else:
-            test.cancel()
+            pushing.cancel()
 
     robot.before_look = between
-    test.start("zero_force", 10.0, 26)
-    status = finished(test)
+    pushing.start("zero_force", 10.0, 26)
+    status = finished(pushing)
     assert words in status.message and len(robot.wrenches) == 1
     if what == "command":
         assert robot.asked[-1] == {"force_n": [0.0, 0.0, 5.0]}  # somebody's command stays
@@ -143,17 +140,17 @@ def test_it_ends_with_what_comes_between(robot: Robot, test: PushTest, what: str
         assert robot.asked[-1]["mask"] == [0, 0, 0]
 
 
-def test_it_is_refused_where_it_cannot_run(robot: Robot, test: PushTest) -> None:
+def test_it_is_refused_where_it_cannot_run(robot: Robot, pushing: PushTest) -> None:
     for arguments, words in (
         (("float", 20.0, 8), "guidance"),
         (("guidance", 500.0, 8), "1 to 60 N"),
         (("guidance", 20.0, 9), "8, 26"),
     ):
         with pytest.raises(InvalidFieldError, match=words):
-            test.start(*arguments)
+            pushing.start(*arguments)
     robot.record["mode"] = Mode.PAUSED
     with pytest.raises(RefusedError, match="does not run"):
-        test.start("guidance", 20.0, 8)
+        pushing.start("guidance", 20.0, 8)
     robot.record["mode"], robot.record["backend"] = Mode.RUNNING, b"hardware"
     with pytest.raises(RefusedError, match="simulation only"):
-        test.start("guidance", 20.0, 8)
+        pushing.start("guidance", 20.0, 8)
