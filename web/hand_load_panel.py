@@ -57,7 +57,7 @@ class HandLoadPanel:
     def _on_click(self, button: viser.GuiButtonHandle, action: Callable[[], object]) -> None:
         @button.on_click
         async def _(event: viser.GuiEvent) -> None:
-            self._worker.submit(button, lambda: attempt(action, event.client))
+            self._worker.submit(button.label, lambda: attempt(action, event.client))
 
     def update(self, snapshot: np.void) -> None:
         """Show tare and tool of a SNAPSHOT record; what is being entered stays until the tool itself changes."""

@@ -83,14 +83,14 @@ class PushPanel:
         async def _(event: viser.GuiEvent) -> None:
             series = _Series(self.fields(), int(self.times.value), self.duration.value + self.pause.value, event.client)
             self._series = None
-            self._worker.submit(self.apply, lambda: attempt(lambda: self._begin(series), event.client))
+            self._worker.submit("apply", lambda: attempt(lambda: self._begin(series), event.client))
 
         @self.end.on_click
         async def _(event: viser.GuiEvent) -> None:
             self._series = None
             for row in self._acting.rows():
                 key = row["id"]
-                self._worker.submit(key, lambda key=key: attempt(lambda: sink.remove_wrench(key), event.client))
+                self._worker.submit(("end", key), lambda key=key: attempt(lambda: sink.remove_wrench(key), event.client))
 
         @self.pick.on_click
         async def _(_: viser.GuiEvent) -> None:
@@ -139,7 +139,9 @@ class PushPanel:
         if now >= series.due_s:
             series.due_s += series.period_s
             series.left -= 1
-            self._worker.submit(series, lambda: attempt(lambda: self._sink.add_wrench(**series.fields), series.client))
+            self._worker.submit(
+                ("again", series.left), lambda: attempt(lambda: self._sink.add_wrench(**series.fields), series.client)
+            )
         return True
 
     def _picking(self, on: bool) -> None:

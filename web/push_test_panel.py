@@ -35,7 +35,7 @@ class PushTestPanel:
         @self.run.on_click
         async def _(event: viser.GuiEvent) -> None:
             mode, force, count = self.mode.value, self.force.value, DIRECTIONS[self.directions.value]
-            self._worker.submit(self.run, lambda: attempt(lambda: tests.start(mode, force, count), event.client))
+            self._worker.submit("run", lambda: attempt(lambda: tests.start(mode, force, count), event.client))
 
         @self.cancel.on_click
         async def _(_: viser.GuiEvent) -> None:

@@ -152,8 +152,8 @@ def test_an_arrow_grows_and_shrinks_with_the_ramps() -> None:
 def test_a_click_on_the_robot_enters_body_and_point(panel: PushPanel, pose: RobotPose, snapshot: np.void) -> None:
     panel.update(snapshot)
     pose.update(snapshot)
-    above = pose.pose("base")[0] + [-0.25, 0.0, 3.0]
-    assert panel.choose(above, np.array([0.0, 0.0, -1.0]))
+    below = pose.pose("base")[0] + [0.05, 0.0, -2.0]
+    assert panel.choose(below, np.array([0.0, 0.0, 1.0]))
     assert panel.body.value == "base"
-    assert panel.point.value[0] == pytest.approx(-0.25, abs=1e-3) and panel.point.value[2] > 0.0
-    assert not panel.choose(above, np.array([0.0, 0.0, 1.0]))
+    assert panel.point.value[0] == pytest.approx(0.05, abs=1e-3) and panel.point.value[2] < 0.0
+    assert not panel.choose(below, np.array([0.0, 0.0, -1.0]))
