@@ -8,7 +8,8 @@ import logging
 import threading
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from concurrent.futures import Future
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -22,13 +23,14 @@ from server.errors import ControlDeadError, ControlTimeoutError, InvalidFieldErr
 from server.fields import in_words
 from server.leadership import Leadership, needs_lease
 from server.robot_handle import RobotHandle
-from server.schemas import BackendRequest, CommandPatch, MismatchRequest, RunRequest, StepRequest
+from server.schemas import BackendRequest, CommandPatch, MismatchRequest, RunRequest, StepRequest, WrenchRequest
 from server.task_handle import TaskHandle
 from server.validation import validated
 from sim.backends.hardware.backend import unavailable_because
 from sim.backends.hardware.config import HardwareConfig
 from sim.backends.hardware.states import ACTIVE
 from sim.backends.hardware.status import HardwareStatus
+from sim.backends.simulation.mismatch import Mismatch
 from sim.runtime.fault_words import ESTOP_LATCHED
 from sim.runtime.snapshot import COMMAND, Mode, command_from_record, command_to_record, on_hardware
 from sim.scenes import SCENE_NAMES, draw
@@ -44,10 +46,7 @@ class Selection:
     """What the snapshot does not carry: the newest gains and mismatch that were asked for."""
 
     gains: tuple[float, float] | None = None
-    mass_scale: float = 1.0
-    per_link: Mapping[str, float] | None = None
-    payload_kg: float = 0.0
-    payload_center_m: Sequence[float] = (0.0, 0.0, 0.0)
+    mismatch: Mismatch = field(default_factory=Mismatch)
 
 
 class Operator:
@@ -178,12 +177,46 @@ class Operator:
         self._client.call("select_estimator", name=name, k1=gains[0], k2=gains[1])
         self.selection = replace(self.selection, gains=gains)
 
+    def mismatch(self) -> Mismatch:
+        """Masses of the simulated robot and load of its hand as last asked for."""
+        return self.selection.mismatch
+
     @needs_lease
-    def set_mismatch(self, mass_scale: float, **rest: Any) -> None:
-        """Scale the masses of the simulated robot and load its hand; `rest` as MismatchRequest."""
-        request = validated(MismatchRequest, {"mass_scale": mass_scale, **rest})
+    def set_mismatch(self, **fields: Any) -> None:
+        """Scale the masses of the simulated robot and load its hand.
+
+        Args:
+            fields: of MismatchRequest; what is left out stays as it was last asked for.
+        """
+        chosen = self.selection.mismatch
+        now = {
+            "mass_scale": chosen.mass_scale,
+            "per_link": dict(chosen.per_link),
+            "payload_kg": chosen.payload_kg,
+            "payload_center_m": list(chosen.payload_center_m),
+        }
+        request = validated(MismatchRequest, now | fields)
         self._client.call("set_mismatch", SLOW_CALL_TIMEOUT_S, **request)
-        self.selection = replace(self.selection, **request)
+        x, y, z = request.pop("payload_center_m")
+        self.selection = replace(self.selection, mismatch=replace(chosen, **request, payload_center_m=(x, y, z)))
+
+    @needs_lease
+    def add_wrench(self, **fields: Any) -> int:
+        """Push the simulated robot, in addition to what acts already; `fields` as WrenchRequest. Its id."""
+        return self._client.call("add_wrench", **validated(WrenchRequest, fields))
+
+    def list_wrenches(self) -> "Future[list[dict[str, Any]]]":
+        """What acts now, oldest first. Does not wait."""
+        return self._client.submit("list_wrenches")
+
+    @needs_lease
+    def remove_wrench(self, key: int) -> None:
+        """End a wrench.
+
+        Raises:
+            MissingError: it is not at work.
+        """
+        self._client.call("remove_wrench", key=key)
 
     @needs_lease
     def tare(self) -> None:
@@ -390,20 +423,6 @@ class Operator:
     def _latched(self) -> bool:
         snapshot = self._client.snapshot()
         return self._client.estops.pending or (snapshot is not None and snapshot["mode"] == Mode.ESTOP)
-
-    @needs_lease
-    def add_wrench(self, **fields: Any) -> int:
-        """Apply a wrench to the simulated robot, with the fields of WrenchRequest; its key."""
-        return self._client.call("add_wrench", **fields)
-
-    @needs_lease
-    def remove_wrench(self, key: int) -> None:
-        """End a wrench now.
-
-        Raises:
-            MissingError: it is not at work.
-        """
-        self._client.call("remove_wrench", key=key)
 
     def _require_choice(self, kind: str, name: str) -> None:
         choices = self.available()[kind]

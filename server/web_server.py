@@ -17,6 +17,7 @@ from server.credentials import Credentials, token_bytes
 from server.http_protocol import GuardedHttpProtocol
 from server.operator import Operator
 from server.page_entry import SECRET
+from server.push_test import PushTest
 from server.websocket_protocol import ShallowWebSocketProtocol
 from web.console import Console
 
@@ -33,7 +34,7 @@ BACKLOG = 128
 def run_web_server(config: ServerConfig, listener: socket.socket, operator: Operator, announce: Callable[[str], None]) -> None:
     """Serve on `listener` until interrupted; see server.runner.serve."""
     operator.client.wait_ready()
-    console = Console(operator, operator.client.live_snapshot)
+    console = Console(operator, operator.client.live_snapshot, PushTest(operator))
     console.start()
     try:
         credentials = None if config.token is None else Credentials(config.token)

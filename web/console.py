@@ -15,6 +15,7 @@ import numpy as np
 import viser
 
 from web import theme
+from web.acting_wrenches import ActingWrenches
 from web.alert import Alert
 from web.camera import Camera
 from web.charts import ForceCharts
@@ -22,10 +23,15 @@ from web.command_panel import CommandPanel
 from web.drag import GrabHandle, TargetGizmo
 from web.estimators_panel import EstimatorsPanel
 from web.force_arrows import ForceArrows
+from web.hand_load_panel import HandLoadPanel
 from web.hardware_panel import HardwarePanel
 from web.objects import SceneObjects
 from web.policy_panel import PolicyPanel
+from web.push_panel import PushPanel
+from web.push_test import PushTests
+from web.push_test_panel import PushTestPanel
 from web.readings_panel import ReadingsPanel
+from web.robot_pose import RobotPose
 from web.scene import Scene
 from web.setup_panel import SetupPanel
 from web.sink import ConsoleSink
@@ -50,11 +56,12 @@ class Console:
         door: the way to it.
     """
 
-    def __init__(self, sink: ConsoleSink, snapshot_source: Callable[[], np.void | None]) -> None:
+    def __init__(self, sink: ConsoleSink, snapshot_source: Callable[[], np.void | None], push_tests: PushTests) -> None:
         """
         Args:
             sink: what the operator's actions go to.
             snapshot_source: newest SNAPSHOT record, or None when the control process is dead.
+            push_tests: runs them.
         """
         self._snapshot_source = snapshot_source
         self.door = ViserDoor()
@@ -63,9 +70,9 @@ class Console:
             self._server = start_viser(self.door, label="Forcelens")
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._pump, name="console-pump", daemon=True)
-        self._build(sink)
+        self._build(sink, push_tests)
 
-    def _build(self, sink: ConsoleSink) -> None:
+    def _build(self, sink: ConsoleSink, push_tests: PushTests) -> None:
         server = self._server
         gui = server.gui
         gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False, brand_color=theme.BRAND)
@@ -76,6 +83,8 @@ class Console:
         self._camera = Camera(server)
         self._forces = ForceArrows(server)
         self._contacts = WheelContacts(server)
+        pose = RobotPose()
+        self._wrenches = ActingWrenches(server, sink, pose)
         self._grab = GrabHandle(server, sink)
         self._gizmo = TargetGizmo(server, sink)
         self._plan = TaskPlan(server, sink)
@@ -87,7 +96,11 @@ class Console:
             self._tasks = TasksPanel(server, sink)
         with tabs.add_tab("Setup"):
             self._setup = SetupPanel(server, sink)
+            self._hand_load = HandLoadPanel(gui, sink)
             self._policy = PolicyPanel(gui)
+        with tabs.add_tab("Push"):
+            self._push = PushPanel(server, sink, pose, self._wrenches)
+            self._push_test = PushTestPanel(gui, push_tests)
         with tabs.add_tab("Robot"):
             self._hardware = HardwarePanel(server, sink)
         ViewPanel(server, sink, tabs.add_tab("View"), self._camera, self._forces, self._contacts)
@@ -138,6 +151,7 @@ class Console:
             if snapshot is None:
                 self._forces.hide()
                 self._contacts.hide()
+                self._wrenches.hide()
             else:
                 self._draw_live(snapshot)
         self._server.flush()
@@ -147,11 +161,15 @@ class Console:
         self._objects.update(snapshot)
         self._forces.update(snapshot)
         self._contacts.update(snapshot)
+        self._wrenches.update(snapshot)
+        self._push.update(snapshot)
+        self._push_test.update(snapshot)
         self._grab.update(snapshot)
         self._gizmo.update(snapshot)
         self._camera.update(snapshot)
         self._command.update(snapshot)
         self._setup.update(snapshot)
+        self._hand_load.update(snapshot)
         self._policy.update(snapshot)
         self._tasks.update(snapshot)
         self._plan.update(snapshot)

@@ -1,8 +1,9 @@
-"""What runs: controller, and of a simulation the scene, the robot's mass error, and the speed of time."""
+"""What runs: controller, and of a simulation the scene, the robot's mass error and payload, and the speed of time."""
 
 import numpy as np
 import viser
 
+from sim.backends.simulation.mismatch import PAYLOAD_RANGE_KG
 from sim.runtime.snapshot import on_hardware
 from web.sink import ConsoleSink
 from web.widget_binding import Binding, Worker, text
@@ -25,12 +26,26 @@ class SetupPanel:
         self.mass = gui.add_slider(
             "Robot mass [x]", 0.5, 1.5, 0.01, 1.0, hint="Scales the simulated robot's mass. The estimators are not told."
         )
+        self.payload = gui.add_slider(
+            "Payload [kg]", *PAYLOAD_RANGE_KG, 0.05, 0.0, hint="A mass in the simulated hand. The estimators are not told."
+        )
         self.speed = gui.add_slider("Speed [x]", 0.1, 4.0, 0.1, 1.0, hint="Simulated seconds per second.")
         worker = Worker()
         self._controller = Binding(controller, text("controller"), sink.select_controller, worker)
         self._simulation = [
             Binding(scene, text("scene"), sink.set_scene, worker),
-            Binding(self.mass, lambda s: float(s["mass_scale_true"]), sink.set_mismatch, worker),
+            Binding(
+                self.mass,
+                lambda _: sink.mismatch().mass_scale,
+                lambda value: sink.set_mismatch(mass_scale=value),
+                worker,
+            ),
+            Binding(
+                self.payload,
+                lambda _: sink.mismatch().payload_kg,
+                lambda value: sink.set_mismatch(payload_kg=value),
+                worker,
+            ),
             Binding(self.speed, lambda s: float(s["speed"]), lambda value: sink.set_run(None, value), worker),
         ]
 

@@ -1,7 +1,8 @@
 """What the console acts on. The server provides it; every method may be called from any thread."""
 
 import time
-from collections.abc import Callable, Coroutine, Mapping
+from collections.abc import Callable, Coroutine, Mapping, Sequence
+from concurrent.futures import Future
 from typing import Any, Literal, Protocol, TypeVar
 from weakref import WeakKeyDictionary
 
@@ -9,6 +10,7 @@ import viser
 
 from control.command.limits import CommandLimits
 from sim.backends.hardware.status import HardwareStatus
+from sim.backends.simulation.mismatch import Mismatch
 
 
 class TaskSink(Protocol):
@@ -59,8 +61,35 @@ class ConsoleSink(Protocol):
     def select_estimator(self, name: str) -> object:
         """Choose whose estimate feeds the controller. Waits until it is done."""
 
-    def set_mismatch(self, mass_scale: float) -> object:
-        """Scale the simulated robot's mass. Waits until it is done."""
+    def mismatch(self) -> Mismatch:
+        """How the simulated robot differs from its model, as chosen. Returns at once."""
+        ...
+
+    def set_mismatch(self, **fields: Any) -> object:
+        """Choose fields of `mismatch`; what is left out stays. Waits until it is done."""
+
+    def tare(self) -> object:
+        """Make what the free hand reads its zero. Waits until it is done."""
+
+    def clear_tare(self) -> object:
+        """Take nothing from the estimates any more. Waits until it is done."""
+
+    def set_tool(self, mass_kg: float, center_of_mass_m: Sequence[float]) -> object:
+        """Tell controller and estimators what the hand carries. Waits until it is done."""
+
+    def identify_tool(self) -> object:
+        """Begin the motion that finds what the hand carries. Waits until it has begun."""
+
+    def add_wrench(self, **fields: Any) -> int:
+        """Push the simulated robot, `fields` as POST /wrenches takes them; its id. Waits until it acts."""
+        ...
+
+    def list_wrenches(self) -> "Future[list[dict[str, Any]]]":
+        """What acts now, oldest first, as GET /wrenches answers. Returns at once."""
+        ...
+
+    def remove_wrench(self, key: int) -> object:
+        """End a wrench. Waits until it is done."""
 
     def set_scene(self, name: str) -> object:
         """Load a scene. Waits until it is done."""

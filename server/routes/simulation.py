@@ -88,15 +88,15 @@ def _scene(operator: TheOperator) -> SceneAnswer:
 
 
 def _mismatch(operator: TheOperator) -> MismatchAnswer:
-    selection = operator.selection
+    chosen = operator.mismatch()
     true = float(operator.client.require_snapshot()["mass_scale_true"])
     if math.isnan(true):
         # A robot weighs what it weighs.
         return {"mass_scale": None, "per_link": {}, "payload_kg": None, "payload_center_m": None, "mass_scale_true": None}
     return {
-        "mass_scale": selection.mass_scale,
-        "per_link": dict(selection.per_link or {}),
-        "payload_kg": selection.payload_kg,
-        "payload_center_m": list(selection.payload_center_m),
+        "mass_scale": chosen.mass_scale,
+        "per_link": dict(chosen.per_link),
+        "payload_kg": chosen.payload_kg,
+        "payload_center_m": list(chosen.payload_center_m),
         "mass_scale_true": true,
     }

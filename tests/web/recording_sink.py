@@ -1,11 +1,16 @@
 """A ConsoleSink that keeps what it was told."""
 
-from collections.abc import Mapping
+import time
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Future
 from typing import Any
 
 from control.command.limits import CommandLimits
 from sim.backends.hardware.status import HardwareStatus
+from sim.backends.simulation.mismatch import Mismatch
 from sim.tasks.task import SITE_OPTIONS
+
+PATIENCE_S = 20.0
 
 
 class RecordingTasks:
@@ -33,8 +38,16 @@ class RecordingTasks:
         self._calls.append(("abort_task", None))
 
 
+def until(condition: Callable[[], object]) -> None:
+    """Wait until a condition holds."""
+    deadline = time.monotonic() + PATIENCE_S
+    while not condition():
+        assert time.monotonic() < deadline, "it never happened"
+        time.sleep(0.005)
+
+
 class RecordingSink:
-    """Records every call as (method, argument) in `calls`."""
+    """Records every call as (method, argument) in `calls`, and raises `refusal` where there is one."""
 
     limits = CommandLimits()
 
@@ -42,6 +55,9 @@ class RecordingSink:
         self.calls: list[tuple[str, Any]] = []
         self.status: HardwareStatus | None = None
         self.tasks = RecordingTasks(self.calls)
+        self.chosen_mismatch = Mismatch()
+        self.wrenches: list[dict[str, Any]] = []
+        self.refusal: Exception | None = None
 
     def available(self) -> dict[str, Any]:
         return {
@@ -56,6 +72,13 @@ class RecordingSink:
 
     def _call(self, name: str, argument: Any) -> None:
         self.calls.append((name, argument))
+        if self.refusal is not None:
+            raise self.refusal
+
+    def wait_for(self, name: str) -> Any:
+        """The argument of the newest call of a method, which a panel makes in its own time."""
+        until(lambda: any(called == name for called, _ in self.calls))
+        return next(argument for called, argument in reversed(self.calls) if called == name)
 
     def patch_command(self, **fields: Any) -> None:
         self._call("patch_command", fields)
@@ -69,8 +92,35 @@ class RecordingSink:
     def select_estimator(self, name: str) -> None:
         self._call("select_estimator", name)
 
-    def set_mismatch(self, mass_scale: float) -> None:
-        self._call("set_mismatch", mass_scale)
+    def mismatch(self) -> Mismatch:
+        return self.chosen_mismatch
+
+    def set_mismatch(self, **fields: Any) -> None:
+        self._call("set_mismatch", fields)
+
+    def tare(self) -> None:
+        self._call("tare", None)
+
+    def clear_tare(self) -> None:
+        self._call("clear_tare", None)
+
+    def set_tool(self, mass_kg: float, center_of_mass_m: Sequence[float]) -> None:
+        self._call("set_tool", (mass_kg, tuple(center_of_mass_m)))
+
+    def identify_tool(self) -> None:
+        self._call("identify_tool", None)
+
+    def add_wrench(self, **fields: Any) -> int:
+        self._call("add_wrench", fields)
+        return 1
+
+    def list_wrenches(self) -> "Future[list[dict[str, Any]]]":
+        listed: Future[list[dict[str, Any]]] = Future()
+        listed.set_result(self.wrenches)
+        return listed
+
+    def remove_wrench(self, key: int) -> None:
+        self._call("remove_wrench", key)
 
     def set_scene(self, name: str) -> None:
         self._call("set_scene", name)

@@ -9,13 +9,14 @@ import pytest
 from viser import __version__ as viser_version
 
 from sim.runtime.snapshot import Mode
+from tests.web.recording_push_tests import RecordingPushTests
 from tests.web.recording_sink import RecordingSink
 from web.console import Console
 
 
 @pytest.fixture
 def console(sink: RecordingSink, snapshot: np.void) -> Iterator[Console]:
-    console = Console(sink, lambda: snapshot)
+    console = Console(sink, lambda: snapshot, RecordingPushTests())
     yield console
     console.stop()
 
@@ -69,7 +70,7 @@ def test_one_bad_frame_does_not_stop_the_pump(
         recovered.set()
         return snapshot
 
-    console = Console(sink, source)
+    console = Console(sink, source, RecordingPushTests())
     monkeypatch.setattr(console, "has_viewers", lambda: True)
     console.start()
     assert recovered.wait(10.0)
@@ -84,7 +85,7 @@ def test_nobody_watching_costs_nothing(sink: RecordingSink, snapshot: np.void) -
         asked.set()
         return snapshot
 
-    console = Console(sink, source)
+    console = Console(sink, source, RecordingPushTests())
     console.start()
     assert not asked.wait(0.3)
     console.stop()

@@ -7,6 +7,7 @@ import pytest
 import viser
 
 from control.faults import Fault
+from sim.backends.simulation.mismatch import Mismatch
 from sim.runtime.fault_words import FAULT_WORDS
 from sim.runtime.snapshot import Mode
 from tests.web.recording_sink import RecordingSink
@@ -52,9 +53,9 @@ def test_targets_out_of_reach_become_the_nearest_reachable(sink: RecordingSink) 
 
 def test_what_runs_is_shown(server: viser.ViserServer, sink: RecordingSink, snapshot: np.void) -> None:
     setup = SetupPanel(server, sink)
-    snapshot["mass_scale_true"], snapshot["speed"] = 1.2, 0.5
+    sink.chosen_mismatch, snapshot["speed"] = Mismatch(mass_scale=1.2, payload_kg=0.75), 0.5
     setup.update(snapshot)
-    assert (setup.mass.value, setup.speed.value) == (1.2, 0.5)
+    assert (setup.mass.value, setup.payload.value, setup.speed.value) == (1.2, 0.75, 0.5)
 
 
 def test_what_only_a_simulation_has_is_hidden_on_hardware(
@@ -65,6 +66,7 @@ def test_what_only_a_simulation_has_is_hidden_on_hardware(
     setup.update(snapshot)
     assert not setup.mass.visible and not setup.speed.visible
     snapshot["backend"], snapshot["scene"], snapshot["mass_scale_true"] = b"simulation", b"free", 1.1
+    sink.chosen_mismatch = Mismatch(mass_scale=1.1)
     setup.update(snapshot)
     assert setup.mass.visible and setup.mass.value == 1.1
 
