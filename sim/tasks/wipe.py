@@ -15,6 +15,8 @@ PITCH_RAD = 0.6
 ABOVE_M = 0.06
 TOUCH_N = 3.0
 EASE_S = 1.0
+HURRY = 0.8
+"""Share of the planar error by which the command runs ahead besides: a rough or bumpy board holds the hand back."""
 LEAD_S = 0.09
 """The reference filter and the arm follow so much later: what is commanded runs ahead of what is meant."""
 
@@ -79,7 +81,7 @@ class Wipe:
             felt = view.force_n[2]
             if view.phase_s > EASE_S:
                 self._squares.add(np.array([error @ error, (felt - self._force) ** 2, felt < 0.5]))
-            ahead = self.place(min(view.phase_s + LEAD_S, self._duration))
+            ahead = HURRY * (self.target_m - view.hand_m[:2]) + self.place(min(view.phase_s + LEAD_S, self._duration))
             return view.command(
                 np.array([*ahead, TOP_HEIGHT_M]), pitch_rad=PITCH_RAD, mask=(0, 0, 1), force_n=(0.0, 0.0, self._force)
             )
