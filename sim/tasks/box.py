@@ -8,7 +8,7 @@ import numpy as np
 from control.command.limits import CommandLimits
 from control.types import Command
 from sim.scenes.box import CENTER_X_M, MASS_KG, SLIDE_DAMPING, TOP_HEIGHT_M
-from sim.tasks.task import CONTACT_S, Lasting, Option, Phase, reached, require_reach
+from sim.tasks.task import CONTACT_S, Lasting, Option, Phase, RunningMean, reached, require_reach
 from sim.tasks.view import TaskView
 
 PITCH_RAD = 1.0
@@ -33,8 +33,8 @@ class Box:
 
     def __init__(self, options: Mapping[str, float]) -> None:
         self._press, self._travel, self._periods = options["press_n"], options["travel_m"], options["periods"]
-        self._squares: list[np.ndarray] = []
-        self._start_m, self._places = 0.0, [0.0]
+        self._squares = RunningMean(2)
+        self._start_m = self._low_m = self._high_m = 0.0
 
     def check(self, view: TaskView, limits: CommandLimits) -> None:
         """See Task."""
@@ -46,12 +46,12 @@ class Box:
 
     def metrics(self) -> dict[str, float]:
         """Root mean square of the errors of the estimated forces, and how far the hand went."""
-        lateral, normal = np.sqrt(np.mean(self._squares or [np.full(2, np.nan)], axis=0))
+        lateral, normal = np.sqrt(self._squares())
         return {
             "force_y_rmse_n": float(lateral),
             "force_z_rmse_n": float(normal),
-            "y_min_m": min(self._places),
-            "y_max_m": max(self._places),
+            "y_min_m": self._low_m,
+            "y_max_m": self._high_m,
         }
 
     def way(self, elapsed_s: float) -> float:
@@ -82,8 +82,8 @@ class Box:
             place = float(view.hand_m[1]) - self._start_m
             asked = np.array([0.0, -self.force(view.phase_s, place), self._press])
             if view.phase_s > 0.5:
-                self._squares.append((view.force_n - asked)[1:] ** 2)
-                self._places.append(place)
+                self._squares.add((view.force_n - asked)[1:] ** 2)
+                self._low_m, self._high_m = min(self._low_m, place), max(self._high_m, place)
             return view.command(above, pitch_rad=PITCH_RAD, mask=(0, 1, 1), force_n=asked)
 
         def slipped(view: TaskView) -> str | None:

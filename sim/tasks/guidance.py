@@ -12,6 +12,8 @@ from sim.tasks.task import Option, Phase
 from sim.tasks.view import TaskView
 
 SETTLE_S = 2.0
+STEP_M = 0.02
+"""Shorter moves of the hand are noise, and do not count as way."""
 REST_S = 12.0
 """Watched after the leads; the drift counts from SETTLE_S on."""
 
@@ -26,7 +28,7 @@ class GuidanceTask:
 
     def __init__(self, options: Mapping[str, float]) -> None:
         self._lead_s = options["lead_s"]
-        self._path: list[np.ndarray] = []
+        self._last: np.ndarray | None = None
         self._rest: np.ndarray | None = None
         self._largest_n = self._way_m = self._drift_m = 0.0
 
@@ -47,9 +49,9 @@ class GuidanceTask:
         def follow(view: TaskView) -> Command:
             if view.phase_s > SETTLE_S:
                 self._largest_n = max(self._largest_n, float(np.linalg.norm(view.force_n)))
-                if not self._path or np.linalg.norm(view.hand_m - self._path[-1]) > 0.02:
-                    self._way_m += float(np.linalg.norm(view.hand_m - self._path[-1])) if self._path else 0.0
-                    self._path.append(view.hand_m)
+                self._last = view.hand_m if self._last is None else self._last
+                if (step := float(np.linalg.norm(view.hand_m - self._last))) > STEP_M:
+                    self._way_m, self._last = self._way_m + step, view.hand_m
             return replace(DEFAULT_COMMAND, guidance=True)
 
         def watch(view: TaskView) -> Command:

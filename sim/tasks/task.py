@@ -122,6 +122,22 @@ def reached(view: TaskView, point_m: np.ndarray, within_m: float = REACHED_M) ->
     return bool(np.linalg.norm(view.hand_m - point_m) < within_m)
 
 
+class RunningMean:
+    """Mean of vectors (size,) that come one by one; not a number before the first."""
+
+    def __init__(self, size: int) -> None:
+        self._sum, self._count = np.zeros(size), 0
+
+    def add(self, values: np.ndarray) -> None:
+        """One more."""
+        self._sum += values
+        self._count += 1
+
+    def __call__(self) -> np.ndarray:
+        """The mean (size,)."""
+        return self._sum / self._count if self._count else np.full(len(self._sum), np.nan)
+
+
 class Lasting:
     """Whether something has been true for a while."""
 

@@ -8,13 +8,15 @@ import numpy as np
 from control.command.limits import CommandLimits
 from control.types import Command
 from sim.scenes.board import PATTERN_CENTER_M, TOP_HEIGHT_M, pattern
-from sim.tasks.task import CONTACT_S, Lasting, Option, Phase, reached, require_reach
+from sim.tasks.task import CONTACT_S, Lasting, Option, Phase, RunningMean, reached, require_reach
 from sim.tasks.view import TaskView
 
 PITCH_RAD = 0.6
 ABOVE_M = 0.06
 TOUCH_N = 3.0
 EASE_S = 1.0
+HURRY = 0.8
+"""Share of the planar error by which the command runs ahead besides: a rough or bumpy board holds the hand back."""
 LEAD_S = 0.09
 """The reference filter and the arm follow so much later: what is commanded runs ahead of what is meant."""
 
@@ -38,7 +40,7 @@ class Wipe:
         self._half = options["half_x_m"], options["half_y_m"]
         self._period = options["period_s"]
         self._duration = options["loops"] * self._period
-        self._squares: list[np.ndarray] = []
+        self._squares = RunningMean(3)
         self.target_m: np.ndarray | None = None
 
     def check(self, view: TaskView, limits: CommandLimits) -> None:
@@ -52,7 +54,7 @@ class Wipe:
 
     def metrics(self) -> dict[str, float]:
         """Root mean square of the planar error against the pattern, and of the estimated normal force against the one asked."""
-        across, normal, lost = np.mean(self._squares or [np.full(3, np.nan)], axis=0)
+        across, normal, lost = self._squares()
         return {
             "position_rmse_cm": 100.0 * float(np.sqrt(across)),
             "force_rmse_n": float(np.sqrt(normal)),
@@ -78,8 +80,8 @@ class Wipe:
             error = view.hand_m[:2] - self.target_m
             felt = view.force_n[2]
             if view.phase_s > EASE_S:
-                self._squares.append(np.array([error @ error, (felt - self._force) ** 2, felt < 0.5]))
-            ahead = self.place(min(view.phase_s + LEAD_S, self._duration))
+                self._squares.add(np.array([error @ error, (felt - self._force) ** 2, felt < 0.5]))
+            ahead = HURRY * (self.target_m - view.hand_m[:2]) + self.place(min(view.phase_s + LEAD_S, self._duration))
             return view.command(
                 np.array([*ahead, TOP_HEIGHT_M]), pitch_rad=PITCH_RAD, mask=(0, 0, 1), force_n=(0.0, 0.0, self._force)
             )

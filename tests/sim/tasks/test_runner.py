@@ -12,7 +12,7 @@ from control.frames import rotation_z
 from control.types import Command
 from sim.tasks import TASKS, chosen_options, options_of
 from sim.tasks.runner import BACK_OFF_M, BACK_OFF_S, Outcome, TaskRunner
-from sim.tasks.task import Lasting, Phase, TaskRefusedError, require_reach
+from sim.tasks.task import Lasting, Phase, RunningMean, TaskRefusedError, require_reach
 from sim.tasks.view import Site, TaskView
 
 VIEW = TaskView(
@@ -172,6 +172,14 @@ def test_a_contact_must_last() -> None:
         False,
         True,
     ]
+
+
+def test_a_mean_of_nothing_is_not_a_number() -> None:
+    mean = RunningMean(2)
+    assert np.isnan(mean()).all()
+    mean.add(np.array([1.0, 4.0]))
+    mean.add(np.array([3.0, 0.0]))
+    np.testing.assert_array_equal(mean(), [2.0, 2.0])
 
 
 @pytest.mark.parametrize("name", TASKS)

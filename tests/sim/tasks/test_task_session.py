@@ -6,6 +6,7 @@ import pytest
 from control.command.limits import DEFAULT_COMMAND
 from control.estimation.registry import EstimatorsConfig
 from control.pipeline import PipelineConfig
+from sim.benchmarks.task_rows import row
 from sim.runtime.session import SessionError
 from sim.runtime.simulation import Simulation, SimulationConfig
 from sim.runtime.snapshot import SETPOINT, SNAPSHOT, command_to_record, named
@@ -96,3 +97,7 @@ def test_the_board_is_wiped_on_estimates_alone() -> None:
     assert trace.readings["wiped_share"][-1] > 0.9
     assert trace.metrics["force_rmse_n"] < 1.5
     assert not trace.touched
+    scored = row(plan, trace)
+    assert scored["success"] and scored["contact"] == "padded" and not scored["fell"]
+    assert float(scored["position_rmse_cm"] or 9.0) < 2.9 and float(scored["contact_share"] or 0.0) > 0.98
+    assert float(scored["control_rmse_n"] or 9.0) < 2.13 and float(scored["estimate_rmse_n"] or 9.0) < 2.74
