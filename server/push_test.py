@@ -6,6 +6,7 @@ The operator's own calls drive it, so whatever else is asked for meanwhile ends 
 import contextlib
 import math
 import threading
+from contextvars import copy_context
 from dataclasses import replace
 from typing import Any
 
@@ -72,7 +73,8 @@ class PushTest:
             self._status = PushTestStatus(running=True, planned=len(plans))
             self._cancelled.clear()
         scene = bytes(snapshot["scene"])
-        threading.Thread(target=self._run, args=(plans, scene), name="push-test", daemon=True).start()
+        context = copy_context()  # whoever asks for it
+        threading.Thread(target=context.run, args=(self._run, plans, scene), name="push-test", daemon=True).start()
 
     def cancel(self) -> None:
         """End it soon."""
