@@ -15,11 +15,14 @@ from server.access import AccessControl
 from server.admission import Admission
 from server.body_limit import BodyLimit
 from server.build_info import build_info
+from server.caller import CallerContext, caller_of, new_page_cookie
+from server.clients import Clients
 from server.credentials import Credentials
 from server.docs_page import docs_page
 from server.errors import InvalidFieldError, ServerError
 from server.event_channel import MAX_PENDING
 from server.head import HeadAsGet
+from server.metrics import CONTENT_TYPE, Metrics
 from server.operator import Operator
 from server.responses import ANY_CALL, json_response
 from server.routes import ROUTERS
@@ -55,6 +58,8 @@ def create_app(operator: Operator, *, scene: ViserDoor, credentials: Credentials
     app.state.operator = operator
     app.state.encoder = stream.SnapshotEncoder(operator.client)
     app.state.scene = scene
+    app.state.clients = clients = Clients()
+    metrics = Metrics(operator, clients, build)
     app.add_exception_handler(RequestValidationError, _invalid_request)
     app.add_exception_handler(ServerError, _refused)
     app.add_exception_handler(Exception, _failed)
@@ -64,8 +69,10 @@ def create_app(operator: Operator, *, scene: ViserDoor, credentials: Credentials
     app.include_router(viser_relay.router)
     app.add_api_route("/", _page, include_in_schema=False)
     app.add_api_route("/docs", lambda: HTMLResponse(docs_page(app.openapi())), include_in_schema=False)
+    app.add_api_route("/metrics", lambda: Response(metrics.text(), media_type=CONTENT_TYPE), include_in_schema=False)
     app.mount("/static", StaticFiles(directory=STATIC), name="static")
     app.add_middleware(BodyLimit)
+    app.add_middleware(CallerContext)
     app.add_middleware(Admission)
     app.add_middleware(AccessControl, credentials=credentials)
     app.add_middleware(SecurityHeaders)
@@ -73,8 +80,11 @@ def create_app(operator: Operator, *, scene: ViserDoor, credentials: Credentials
     return app
 
 
-def _page() -> Response:
-    return FileResponse(STATIC / "index.html", headers={"Cache-Control": "no-cache"})
+def _page(request: Request) -> Response:
+    response = FileResponse(STATIC / "index.html", headers={"Cache-Control": "no-cache"})
+    if caller_of(request.scope).page is None:
+        response.headers.append("Set-Cookie", new_page_cookie(request.headers.get("host", "")))
+    return response
 
 
 @asynccontextmanager

@@ -8,7 +8,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TextIO
 
-from sim.arguments import ARM_PORT, DDS_DOMAIN, TCP_PORT
+from server.logs import LEVELS, LogConfig
+from sim.arguments import ARM_PORT, DDS_DOMAIN, TCP_PORT, from_environment
 from sim.processes.starting import Starting
 
 
@@ -17,18 +18,22 @@ def parser() -> argparse.ArgumentParser:
     arguments = argparse.ArgumentParser(
         prog="forcelens",
         description="Console of a robot that feels force without a sensor.",
-        epilog="forcelens emulate --help: an emulated robot for the hardware backend.",
+        epilog="forcelens emulate --help: an emulated robot for the hardware backend. "
+        "In brackets: the variable that sets a default.",
     )
     arguments.add_argument("--host", default="127.0.0.1", help="address to bind (default 127.0.0.1); others need a token")
     arguments.add_argument("--port", type=TCP_PORT, default=8080, help="TCP port, 0 to 65535 (default 8080); 0: a free one")
     token = arguments.add_mutually_exclusive_group()
-    token.add_argument("--token-file", type=Path, help="file with the token that every request needs; default: FORCELENS_TOKEN")
+    file = "file with the token that every request needs; default: FORCELENS_TOKEN, or the file of FORCELENS_TOKEN_FILE"
+    token.add_argument("--token-file", type=Path, help=file)
     token.add_argument("--token", help="the token itself; every user of this machine can read it here (ps)")
     arguments.add_argument("--scene", default="free", help="scene to start in (default free)")
     arguments.add_argument("--controller", default="policy", help="controller to start with (default policy)")
     arguments.add_argument("--estimator", default="hybrid", help="force estimator to start with (default hybrid)")
     arguments.add_argument("--seed", type=int, default=0, help="of the sensors' errors (default 0)")
     arguments.add_argument("--no-browser", action="store_true", help="do not open the page")
+    arguments.add_argument("--log-level", choices=LEVELS, default="info", help="from which on it is logged (default info)")
+    arguments.add_argument("--log-json", action="store_true", help="log one JSON object per line")
     robot = arguments.add_argument_group("robot", "what the hardware backend drives once it is chosen in the page or by REST")
     robot.add_argument("--domain", type=DDS_DOMAIN, default=1, help="DDS domain of the base (default 1; a real robot's is 0)")
     robot.add_argument("--interface", default="lo", help="network interface that leads to the base (default lo)")
@@ -37,6 +42,7 @@ def parser() -> argparse.ArgumentParser:
         "--arm-port", type=ARM_PORT, default=8071, help="UDP port of z1_ctrl, 1 to 65534; it answers on the next"
     )
     robot.add_argument("--allow-robot", action="store_true", help="permit domain 0, another interface than lo, a remote arm")
+    from_environment(arguments, "FORCELENS", os.environ, skip=("token", "token_file"))
     return arguments
 
 
@@ -78,6 +84,7 @@ def _serve(arguments: argparse.Namespace, listener: socket.socket, starting: Sta
                 seed=arguments.seed,
                 pipeline=PipelineConfig(controller=arguments.controller, estimator=arguments.estimator),
             ),
+            log=LogConfig(arguments.log_level, arguments.log_json),
             hardware=with_options(
                 HardwareConfig(),
                 {name: getattr(arguments, name) for name in ("domain", "interface", "arm_host", "arm_port", "allow_robot")},
@@ -97,7 +104,10 @@ def _token(arguments: argparse.Namespace) -> str | None:
     if arguments.token_file is not None:
         return token_of_file(arguments.token_file)
     # An empty variable is one that is not set; an empty argument is a mistake that would leave the door open.
-    return arguments.token if arguments.token is not None else os.environ.get("FORCELENS_TOKEN") or None
+    if arguments.token is not None:
+        return arguments.token
+    file = os.environ.get("FORCELENS_TOKEN_FILE")
+    return os.environ.get("FORCELENS_TOKEN") or (token_of_file(Path(file)) if file else None)
 
 
 def _compile(listener: socket.socket) -> None:

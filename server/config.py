@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from server.access import LOOPBACK_NAMES
+from server.logs import LogConfig
 from sim.backends.hardware.config import HardwareConfig
 from sim.runtime.simulation import SimulationConfig
 
@@ -24,6 +25,7 @@ class ServerConfig:
         open_browser: open the page where a display exists.
         session: what the control process steps.
         hardware: the robot that the hardware backend drives unless told otherwise.
+        log: what the console and its control process log.
 
     Raises:
         ConfigError: another address than loopback without a token.
@@ -35,6 +37,7 @@ class ServerConfig:
     open_browser: bool = True
     session: SimulationConfig = field(default_factory=SimulationConfig)
     hardware: HardwareConfig = field(default_factory=HardwareConfig)
+    log: LogConfig = field(default_factory=LogConfig)
 
     def __post_init__(self) -> None:
         if self.token is None and not is_loopback(self.host):

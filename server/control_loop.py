@@ -175,6 +175,8 @@ class ControlLoop:
             record["mode"] = Mode.FAULT
         elif not self._run.running and record["mode"] == Mode.RUNNING:
             record["mode"] = Mode.PAUSED
+        record["tick_histogram"] = self._pacer.tick_histogram
+        record["tick_total_s"] = self._pacer.tick_total_s
         record["speed"] = self._run.speed
         statistics = self._pacer.statistics()
         if statistics != self._statistics:

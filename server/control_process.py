@@ -15,6 +15,7 @@ from typing import Any
 from control.timing import TICK_S
 from server.control_loop import ControlLoop
 from server.estop_lane import EstopLane
+from server.logs import LogConfig, configure
 from server.messages import Fatal, Ready
 from server.pacing import Pacer
 from server.session_events import describe
@@ -40,12 +41,14 @@ class ControlLaunch:
         make_session: makes the one or the other, in the control process.
         paused: start in a hold.
         estopped: start with the e-stop latched, because it was when the process before this one died.
+        log: what it logs.
     """
 
     session: SimulationConfig = field(default_factory=SimulationConfig)
     make_session: Callable[[SimulationConfig], Session[Backend]] = Simulation
     paused: bool = False
     estopped: bool = False
+    log: LogConfig = field(default_factory=LogConfig)
 
 
 def control_process(
@@ -55,7 +58,7 @@ def control_process(
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})  # or the I/O process would never hear it
     protect_standard_streams()
-    logging.basicConfig(level=logging.INFO, format="control process: %(levelname)s: %(message)s")
+    configure(launch.log, "control process")
     try:
         session = _make_session(launch, pipe)
         if launch.estopped:

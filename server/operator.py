@@ -19,15 +19,20 @@ from server.backend_choice import BackendChoice, with_options
 from server.control_client import SLOW_CALL_TIMEOUT_S, ControlClient
 from server.control_process import ControlLaunch
 from server.errors import ControlDeadError, ControlTimeoutError, InvalidFieldError, RefusedError
+from server.fields import in_words
+from server.leadership import Leadership, needs_lease
 from server.robot_handle import RobotHandle
 from server.schemas import BackendRequest, CommandPatch, MismatchRequest, RunRequest, StepRequest
+from server.task_handle import TaskHandle
 from server.validation import validated
 from sim.backends.hardware.backend import unavailable_because
 from sim.backends.hardware.config import HardwareConfig
 from sim.backends.hardware.states import ACTIVE
 from sim.backends.hardware.status import HardwareStatus
 from sim.runtime.fault_words import ESTOP_LATCHED
-from sim.runtime.snapshot import COMMAND, Mode, command_to_record, on_hardware
+from sim.runtime.snapshot import COMMAND, Mode, command_from_record, command_to_record, on_hardware
+from sim.scenes import SCENE_NAMES, draw
+from sim.scenes import parameters as scene_parameters
 
 _log = logging.getLogger(__name__)
 
@@ -46,7 +51,7 @@ class Selection:
 
 
 class Operator:
-    """Acts on one control process.
+    """Acts on one control process. Whatever changes something needs the lease, but the e-stop, which is anyone's.
 
     Args:
         client: handle on the control process.
@@ -62,8 +67,10 @@ class Operator:
         self._launch = launch
         self._hardware = hardware or HardwareConfig()
         self.robot = RobotHandle(client)
+        self.leadership = Leadership(self._stop_base)
+        self.tasks = TaskHandle(client, self.leadership, lambda: self.command()[1])
         self._switching = threading.Lock()
-        self._lock = threading.Lock()
+        self._lock = threading.RLock()
         self._command = clip_command(DEFAULT_COMMAND, self.limits)
         self._sequence = 0
         self._hold()
@@ -80,6 +87,7 @@ class Operator:
     def heartbeat(self) -> None:
         """Tell the control process that the operator's side lives; call it often."""
         self._notice_absence()
+        self.leadership.settle()
         self._client.write_setpoint()
 
     def _notice_absence(self) -> None:
@@ -90,6 +98,12 @@ class Operator:
                 return
             if self._command.base_velocity.any():
                 _log.warning("the web process was held up for %.1f s; the base stays stopped until it is asked again", absent_s)
+            self._stop_base()
+
+    def _stop_base(self) -> None:
+        """Base and drag stand still until somebody asks again; the hand holds what it was asked for."""
+        with self._lock:
+            if self._command.base_velocity.any():
                 self._command = replace(self._command, base_velocity=np.zeros(3))
                 self._sequence += 1
                 self._send()
@@ -100,6 +114,7 @@ class Operator:
         with self._lock:
             return self._command, self._sequence
 
+    @needs_lease
     def patch_command(self, **fields: Any) -> tuple[Command, int]:
         """Ask for other values of the given fields of the command; answers like `command`.
 
@@ -118,7 +133,7 @@ class Operator:
             if not changes:
                 return self._command, self._sequence
             try:
-                self._command = clip_command(replace(self._command, **changes), self.limits)
+                self._command = clip_command(replace(self._held_command(), **changes), self.limits)
             except CommandError as error:
                 raise InvalidFieldError(error.field, str(error), "see the message") from None
             self._sequence += 1
@@ -130,23 +145,30 @@ class Operator:
 
         Raises:
             InvalidFieldError: a target that is not three finite numbers.
+            RefusedError: the hand is a robot's own, or another holds the lease.
         """
-        if target_in_world is not None and self.robot.choice.hardware is not None:
-            raise RefusedError("the ball pulls a simulated hand only; pull the robot's own")
-        self._notice_absence()
         if target_in_world is None:
             self._client.write_setpoint(drag_active=False)
-            return
+        else:
+            self._pull(target_in_world)
+
+    @needs_lease
+    def _pull(self, target_in_world: tuple[float, float, float]) -> None:
+        if self.robot.choice.hardware is not None:
+            raise RefusedError("the ball pulls a simulated hand only; pull the robot's own")
+        self._notice_absence()
         target = np.asarray(target_in_world, dtype=float)
         if target.shape != (3,) or not np.isfinite(target).all():
             raise InvalidFieldError("target_in_world", "is not a point", "3 finite numbers, m")
         self._client.write_setpoint(drag_active=True, drag_target_in_world=target)
 
+    @needs_lease
     def select_controller(self, name: str) -> None:
         """Choose the controller."""
         self._require_choice("controllers", name)
         self._client.call("select_controller", SLOW_CALL_TIMEOUT_S, name=name)
 
+    @needs_lease
     def select_estimator(self, name: str, gains: tuple[float, float] | None = None) -> None:
         """Choose the estimator, optionally with new observer gains (K1, K2)."""
         self._require_choice("estimators", name)
@@ -156,28 +178,34 @@ class Operator:
         self._client.call("select_estimator", name=name, k1=gains[0], k2=gains[1])
         self.selection = replace(self.selection, gains=gains)
 
+    @needs_lease
     def set_mismatch(self, mass_scale: float, **rest: Any) -> None:
         """Scale the masses of the simulated robot and load its hand; `rest` as MismatchRequest."""
         request = validated(MismatchRequest, {"mass_scale": mass_scale, **rest})
         self._client.call("set_mismatch", SLOW_CALL_TIMEOUT_S, **request)
         self.selection = replace(self.selection, **request)
 
+    @needs_lease
     def tare(self) -> None:
         """Make what the free hand reads its zero."""
         self._client.call("tare")
 
+    @needs_lease
     def clear_tare(self) -> None:
         """Take nothing from the estimates any more."""
         self._client.call("clear_tare")
 
+    @needs_lease
     def set_tool(self, mass_kg: float, center_of_mass_m: Sequence[float]) -> None:
         """Tell controller and estimators what the hand carries."""
         self._client.call("set_tool", mass_kg=mass_kg, center_of_mass_m=list(center_of_mass_m))
 
+    @needs_lease
     def identify_tool(self) -> None:
         """Begin the motion that finds what the hand carries."""
         self._client.call("identify_tool")
 
+    @needs_lease
     def set_backend(self, name: str, **options: Any) -> None:
         """Drive the simulation or a robot, with a fresh control process; `options` as BackendChoice.options.
 
@@ -210,6 +238,7 @@ class Operator:
                 self._start(BackendChoice(), paused=False)
                 raise RefusedError(f"backend 'hardware' cannot be used: {reason}. The simulation runs instead") from None
 
+    @needs_lease
     def drive(self, request: str) -> HardwareStatus:
         """See RobotHandle."""
         return self.robot.drive(request)
@@ -218,18 +247,40 @@ class Operator:
         """See RobotHandle."""
         return self.robot.status()
 
-    def set_scene(self, name: str) -> None:
-        """Load a scene with the robot at its start and the command at its default."""
+    @needs_lease
+    def set_scene(
+        self, name: str, parameters: Mapping[str, float] | None = None, *, seed: int | None = None, rigid: bool = False
+    ) -> None:
+        """Load a scene with the robot at its start and the command at its default.
+
+        Args:
+            name: of the scene.
+            parameters: of it, those that are not at their defaults.
+            seed: draws the parameters that are not given.
+            rigid: without padding on what the hand touches.
+        """
         self._require_choice("scenes", name)
-        self._client.call("set_scene", SLOW_CALL_TIMEOUT_S, name=name)
+        values = dict(parameters or {})
+        if name in SCENE_NAMES:
+            require_parameters(name, values)
+            values = {**(draw(name, seed) if seed is not None else {}), **values}
+        self._client.call("set_scene", SLOW_CALL_TIMEOUT_S, name=name, parameters=values, rigid=rigid)
         self._hold()
 
+    @needs_lease
+    def set_parameters(self, values: Mapping[str, float]) -> None:
+        """Change parameters of the scene while it runs."""
+        require_parameters(self._client.require_snapshot()["scene"].decode(), values)
+        self._client.call("set_parameters", SLOW_CALL_TIMEOUT_S, parameters=dict(values))
+
+    @needs_lease
     def set_run(self, state: Literal["running", "paused"] | None, speed: float | None) -> dict[str, Any]:
         """Run or pause, at a speed; None leaves either as it is. Answers `{state, speed}`."""
         if speed is not None:
             speed = validated(RunRequest, {"state": state or "running", "speed": _plain(speed)})["speed"]
         return self._client.call("run", state=state, speed=speed)
 
+    @needs_lease
     def step(self, ticks: int) -> dict[str, Any]:
         """Advance a paused simulation, at its own pace whatever the speed; answers `{time_s}` when done.
 
@@ -244,6 +295,7 @@ class Operator:
             self._client.submit("run", state="paused", speed=None)
             raise
 
+    @needs_lease
     def reset(self, seed: int | None = None, keyframe: str = "stand") -> None:
         """Put the simulated robot back, and the command to its default."""
         self._require_choice("keyframes", keyframe)
@@ -257,8 +309,10 @@ class Operator:
         """
         number = self._client.estops.ask()
         self.robot.estop()
+        self.leadership.note("estop", {})
         return number
 
+    @needs_lease
     def clear_estop(self) -> dict[str, Any]:
         """Clear the e-stop, with the command at its default; answers `{latched, mode}`.
 
@@ -269,6 +323,7 @@ class Operator:
         self._hold()
         return self._client.call("clear_estop", estops=asked)
 
+    @needs_lease
     def restart(self, *, force: bool) -> None:
         """Start a fresh control process in a hold: paused, default command, same scene and selection, e-stop kept.
 
@@ -313,8 +368,15 @@ class Operator:
         self.robot.choice = choice
         self._client.restart(session=session, estopped=estopped, **choice.launch(paused=paused))
 
+    def _held_command(self) -> Command:
+        """What an operator's change is a change of: his own command, or what a task holds that he takes over from."""
+        snapshot = self._client.snapshot()
+        if snapshot is None or not snapshot["task_in_charge"] or snapshot["command_sequence"] != self._sequence:
+            return self._command
+        return replace(command_from_record(snapshot["command"]), base_velocity=np.zeros(3), guidance=False)
+
     def _hold(self) -> None:
-        self.set_drag(None)  # first: a new sequence number says that all of the set-point is new
+        self._client.write_setpoint(drag_active=False)  # first: a new sequence number says that all of the set-point is new
         with self._lock:
             self._command = clip_command(DEFAULT_COMMAND, self.limits)
             self._sequence += 1
@@ -329,6 +391,20 @@ class Operator:
         snapshot = self._client.snapshot()
         return self._client.estops.pending or (snapshot is not None and snapshot["mode"] == Mode.ESTOP)
 
+    @needs_lease
+    def add_wrench(self, **fields: Any) -> int:
+        """Apply a wrench to the simulated robot, with the fields of WrenchRequest; its key."""
+        return self._client.call("add_wrench", **fields)
+
+    @needs_lease
+    def remove_wrench(self, key: int) -> None:
+        """End a wrench now.
+
+        Raises:
+            MissingError: it is not at work.
+        """
+        self._client.call("remove_wrench", key=key)
+
     def _require_choice(self, kind: str, name: str) -> None:
         choices = self.available()[kind]
         # What is not offered at all, the session refuses with what to do.
@@ -336,6 +412,23 @@ class Operator:
             raise InvalidFieldError(
                 "name" if kind != "keyframes" else "keyframe", f"{name!r} does not exist", ", ".join(choices)
             )
+
+
+def require_parameters(scene: str, values: Mapping[str, float]) -> None:
+    """
+    Raises:
+        InvalidFieldError: a scene has no such parameter, or not with this value.
+        RefusedError: nothing is known of what stands around the robot.
+    """
+    if scene not in SCENE_NAMES:
+        raise RefusedError("the scene: simulation only; PUT /api/v1/backend with 'simulation' first")
+    known = {parameter.name: parameter for parameter in scene_parameters(scene)}
+    for key, value in values.items():
+        if key not in known:
+            raise InvalidFieldError(f"parameters.{key}", "is unknown", ", ".join(known) or "none")
+        limits = known[key].minimum, known[key].maximum
+        if not limits[0] <= value <= limits[1]:
+            raise InvalidFieldError(f"parameters.{key}", "is outside the allowed range", in_words(limits))
 
 
 def _plain(value: Any) -> Any:

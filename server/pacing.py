@@ -7,6 +7,7 @@ neither overrun nor lateness.
 """
 
 import time
+from bisect import bisect_left
 from collections import deque
 from collections.abc import Callable
 
@@ -17,6 +18,9 @@ from control.values import value
 REBASE_BEHIND_S = 0.1
 LATENESS_WINDOW = 2500
 """Ticks whose lateness and duration are kept: 5 s at 500 Hz."""
+
+TICK_BOUNDS_S = (1e-4, 2e-4, 3e-4, 4e-4, 5e-4, 6e-4, 8e-4, 1e-3, 1.25e-3, 1.5e-3, 1.75e-3, 2e-3, 3e-3, 5e-3, 1e-2, 2e-2)
+"""Upper bounds of the classes into which the durations of ticks are counted; a last class holds what is longer."""
 
 RATE_WINDOW_S = 1.0
 MINUTE_S = 60.0
@@ -47,6 +51,10 @@ class LoopStatistics:
 class Pacer:
     """Call `wait` before and `finish` after every tick.
 
+    Attributes:
+        tick_histogram: ticks since the start by their duration, in the classes of TICK_BOUNDS_S.
+        tick_total_s: sum of their durations.
+
     Args:
         period_s: wall-clock time between ticks.
         clock: monotonic seconds.
@@ -65,6 +73,8 @@ class Pacer:
         self._lateness_s = np.zeros(LATENESS_WINDOW)
         self._duration_s = np.zeros(LATENESS_WINDOW)
         self._overran = np.zeros(LATENESS_WINDOW, bool)
+        self.tick_histogram = [0] * (len(TICK_BOUNDS_S) + 1)
+        self.tick_total_s = 0.0
         self._ticks = 0
         self._overruns = 0
         self._rebases = 0
@@ -100,7 +110,9 @@ class Pacer:
         now = self._clock()
         slot = self._ticks % LATENESS_WINDOW
         self._lateness_s[slot] = self._started_s - self._due_s
-        self._duration_s[slot] = now - self._started_s
+        self._duration_s[slot] = duration_s = now - self._started_s
+        self.tick_histogram[bisect_left(TICK_BOUNDS_S, duration_s)] += 1
+        self.tick_total_s += duration_s
         self._ticks += 1
         self._due_s += self._period_s
         self._overran[slot] = now > self._due_s

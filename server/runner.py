@@ -6,6 +6,7 @@ from collections.abc import Callable
 from server.config import ServerConfig
 from server.control_client import ControlClient
 from server.control_process import ControlLaunch
+from server.logs import configure
 from server.operator import Operator
 
 
@@ -20,7 +21,8 @@ def serve(config: ServerConfig, listener: socket.socket, announce: Callable[[str
     Raises:
         ControlDeadError: the control process died while starting.
     """
-    launch = ControlLaunch(session=config.session)
+    configure(config.log, "console")
+    launch = ControlLaunch(session=config.session, log=config.log)
     client = ControlClient(launch)
     operator = Operator(client, launch, config.hardware)
     client.start()

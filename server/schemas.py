@@ -11,6 +11,7 @@ from control.timing import TICK_S
 from server.fields import Mask, Number, RequestModel, Vector
 from server.run_control import MAX_STEPS, SPEED_RANGE
 from sim.backends.simulation.mismatch import MASS_SCALE_RANGE, PAYLOAD_RANGE_KG
+from sim.runtime.snapshot import MAX_PARAMETERS
 
 LIMITS = CommandLimits()
 
@@ -27,6 +28,7 @@ _GAIN = Number((0.1, 1000.0))
 _SEED = Number((0, 2**31 - 1))
 
 MAX_LINKS = 64
+MAX_OPTIONS = 32
 
 Name = Annotated[str, Field(min_length=1, max_length=64)]
 
@@ -119,15 +121,45 @@ class NameRequest(RequestModel):
 
 
 class SceneRequest(NameRequest):
-    """Choose the scene."""
+    """Choose the scene. What its parameters are, GET tells."""
 
-    model_config = _examples({"name": "free"})
+    model_config = _examples({"name": "free"}, {"name": "door", "parameters": {"spring_scale": 2.0}})
+
+    parameters: Annotated[dict[Name, float], Field(max_length=MAX_PARAMETERS)] = Field(default_factory=dict)
+    seed: Annotated[int, _SEED] = Field(default_factory=int, description="draws the parameters that are not given")
+    rigid: bool = Field(default_factory=bool, description="without padding on what the hand touches: its force chatters")
+
+
+class SceneParametersRequest(RequestModel):
+    """Change parameters of the scene while it runs."""
+
+    model_config = _examples({"parameters": {}})
+
+    parameters: Annotated[dict[Name, float], Field(max_length=MAX_PARAMETERS)]
+
+
+class TaskRequest(RequestModel):
+    """Begin a task. What its options are, GET tells."""
+
+    model_config = _examples({"name": "wipe", "options": {"force_n": 15}}, {"name": "guidance", "options": {}})
+
+    name: Name
+    options: Annotated[dict[Name, float], Field(max_length=MAX_OPTIONS)] = Field(default_factory=dict)
 
 
 class ControllerRequest(NameRequest):
     """Choose the controller."""
 
     model_config = _examples({"name": "model_based"})
+
+
+class LeaseRequest(RequestModel):
+    """Command alone."""
+
+    model_config = _examples({"operator": "Ada"}, {"operator": "Grace", "take_over": True})
+
+    operator: Name = Field(description="whom the others see")
+    take_over: bool = Field(default=False, description="also from another who holds it; the base stops")
 
 
 class Gains(RequestModel):

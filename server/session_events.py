@@ -16,12 +16,13 @@ from sim.runtime.session import Session, SessionError
 from sim.runtime.simulation import Simulation
 from sim.scenes import SCENE_NAMES
 
-SLOW_EVENTS = frozenset({"reset", "set_scene", "select_controller", "set_mismatch"})
+SLOW_EVENTS = frozenset({"reset", "set_scene", "set_parameters", "select_controller", "set_mismatch"})
 """Known to take longer than a tick; the loop excuses them."""
 
 _SIMULATION_ONLY = {
     "reset": "reset",
     "set_scene": "the scene",
+    "set_parameters": "the scene",
     "set_mismatch": "mismatch",
     "add_wrench": "wrenches",
     "list_wrenches": "wrenches",
@@ -68,11 +69,15 @@ def offered_events(session: Session[Backend]) -> dict[str, Callable[..., Any]]:
         "identify_tool": session.identify_tool,
         "estop": session.estop,
         "clear_estop": session.clear_estop,
+        "start_task": lambda **task: session.start_task(**task).id,
+        "get_task": session.task_fields,
+        "abort_task": session.abort_task,
     }
     if isinstance(session, Simulation):
         events |= {
             "reset": session.reset,
             "set_scene": session.set_scene,
+            "set_parameters": session.set_parameters,
             "set_mismatch": session.set_mismatch,
             "add_wrench": session.add_wrench,
             "list_wrenches": lambda: [_wrench_fields(active) for active in session.list_wrenches()],

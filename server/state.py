@@ -13,11 +13,15 @@ import numpy as np
 from control.joints import JOINT_NAMES, LEGS
 from control.types import Command
 from server.answers.command import CommandAnswer, CommandFields
-from server.answers.state import Base, Contact, Drive, EndEffector, Joints, Loop, Odometry
+from server.answers.state import Base, Contact, Drive, EndEffector, Joints, Loop, Odometry, TaskState
+from server.answers.tasks import OutcomeName
 from server.silence import NO_SILENCE, Silence
 from sim.backends.hardware.states import DriveState
 from sim.runtime.fault_words import SILENCE_WORDS, drive_fault_words, estimator_flags, fault_words, message
-from sim.runtime.snapshot import Mode, on_hardware
+from sim.runtime.snapshot import Mode, named, on_hardware
+
+_OUTCOMES: tuple[OutcomeName | None, ...] = (None, "succeeded", "failed", "aborted")
+"""As sim.tasks.runner.Outcome counts them."""
 
 
 def _vector(values: np.ndarray) -> list[float] | None:
@@ -150,6 +154,20 @@ def estimator_errors(record: np.void) -> dict[str, float | None]:
     return {name: _number(record["force_errors_rms_n"][index]) for name, index in _estimators(record)}
 
 
+def _task(record: np.void) -> TaskState | None:
+    """The task that was begun last; None before the first."""
+    if record["task_id"] == 0:
+        return None
+    return {
+        "id": int(record["task_id"]),
+        "name": record["task_name"].decode(),
+        "phase": record["task_phase"].decode(),
+        "progress": float(record["task_progress"]),
+        "outcome": _OUTCOMES[int(record["task_outcome"])],
+        "in_charge": bool(record["task_in_charge"]),
+    }
+
+
 SECTIONS: dict[str, Callable[[np.void], Any]] = {
     "time_s": lambda record: float(record["time_s"]),
     "wall_time_s": lambda record: float(record["wall_time_s"]),
@@ -177,6 +195,8 @@ SECTIONS: dict[str, Callable[[np.void], Any]] = {
     "mass_scale_true": lambda record: _number(record["mass_scale_true"]),
     "mass_adapting": lambda record: bool(record["mass_adapting"]),
     "estimator_flags": lambda record: [str(flag.name) for flag in estimator_flags(record)],
+    "readings": lambda record: {name: _number(value) for name, value in named(record, "reading").items()},
+    "task": _task,
     "loop": loop_json,
 }
 ALWAYS = ("sequence", "time_s", "mode", "faults")

@@ -93,9 +93,10 @@ async def stream(socket: WebSocket) -> None:
     await socket.accept()
     sender = asyncio.create_task(_send(socket, socket.app.state.encoder, fields, 1.0 / rate_hz))
     try:
-        # Reading keeps pings answered and notices a reader that leaves.
-        while (await socket.receive())["type"] != "websocket.disconnect":
-            pass
+        with socket.app.state.clients.one("stream"):
+            # Reading keeps pings answered and notices a reader that leaves.
+            while (await socket.receive())["type"] != "websocket.disconnect":
+                pass
     finally:
         sender.cancel()
 

@@ -43,7 +43,8 @@ async def relay(socket: WebSocket) -> None:
     try:
         async with door.connect(socket.scope.get("subprotocols", [])) as scene:
             await socket.accept(subprotocol=scene.subprotocol)
-            await _copy(socket, scene)
+            with socket.app.state.clients.one("scene"):
+                await _copy(socket, scene)
     except DoorClosedError as error:
         _log.warning("the 3-D scene does not answer: %s", error)
         await socket.close(1011)

@@ -58,6 +58,7 @@ def uvicorn_config(app: FastAPI) -> uvicorn.Config:
         http=GuardedHttpProtocol,
         backlog=BACKLOG,
         log_level="warning",
+        log_config=None,
         access_log=False,
         ws=ShallowWebSocketProtocol,
         ws_max_size=MAX_MESSAGE_BYTES,

@@ -25,9 +25,12 @@ from web.force_arrows import ForceArrows
 from web.hardware_panel import HardwarePanel
 from web.objects import SceneObjects
 from web.policy_panel import PolicyPanel
+from web.readings_panel import ReadingsPanel
 from web.scene import Scene
 from web.setup_panel import SetupPanel
 from web.sink import ConsoleSink
+from web.task_plan import TaskPlan
+from web.tasks_panel import TasksPanel
 from web.view_panel import ViewPanel
 from web.viser_door import ViserDoor, start_viser
 from web.wheel_contacts import WheelContacts
@@ -75,10 +78,13 @@ class Console:
         self._contacts = WheelContacts(server)
         self._grab = GrabHandle(server, sink)
         self._gizmo = TargetGizmo(server, sink)
+        self._plan = TaskPlan(server, sink)
         self._alert = Alert(server)
         tabs = gui.add_tab_group()
         with tabs.add_tab("Command"):
             self._command = CommandPanel(server, sink)
+        with tabs.add_tab("Tasks"):
+            self._tasks = TasksPanel(server, sink)
         with tabs.add_tab("Setup"):
             self._setup = SetupPanel(server, sink)
             self._policy = PolicyPanel(gui)
@@ -90,6 +96,8 @@ class Console:
             self._charts = ForceCharts(gui)
         with panel.add_tab("Estimators", viser.Icon.SCALE):
             self._estimators = EstimatorsPanel(gui, sink)
+        with panel.add_tab("Scene", viser.Icon.GAUGE):
+            self._readings = ReadingsPanel(server, sink)
         panel.dock_left()
         panel.set_width(_CHARTS_WIDTH_PX)
 
@@ -145,5 +153,8 @@ class Console:
         self._command.update(snapshot)
         self._setup.update(snapshot)
         self._policy.update(snapshot)
+        self._tasks.update(snapshot)
+        self._plan.update(snapshot)
+        self._readings.update(snapshot)
         self._charts.update(snapshot)
         self._estimators.update(snapshot)

@@ -42,13 +42,12 @@ class GrabHandle:
 
     def pull(self, client_id: int, target_in_world: tuple[float, float, float] | None) -> None:
         """Pull towards a point (3,) m in world on behalf of a client, or let go with None; ignores all but the owner."""
-        if self._owner is None and target_in_world is not None:
-            self._owner = client_id
-        if self._owner != client_id:
+        if self._owner != client_id and (self._owner is not None or target_in_world is None):
             return
-        if target_in_world is None:
-            self._owner = None
+        self._owner = None  # and so it stays if the pull is refused
         self._sink.set_drag(target_in_world)
+        if target_in_world is not None:
+            self._owner = client_id
 
     def update(self, snapshot: np.void) -> None:
         """Follow the hand of a SNAPSHOT record and draw the spring while it pulls."""

@@ -5,6 +5,7 @@ import numpy as np
 import trimesh
 import viser
 
+from sim.runtime.snapshot import named
 from sim.scenes import SCENE_NAMES, Primitive, SceneModel, build
 
 _ROOT = "/objects"
@@ -15,18 +16,18 @@ class SceneObjects:
 
     def __init__(self, server: viser.ViserServer) -> None:
         self._scene_api = server.scene
-        self._name: str | None = None
+        self._shown: tuple[str, dict[str, float]] | None = None
         self._movable: list[viser.FrameHandle] = []
         self.bodies: dict[str, viser.FrameHandle] = {}
 
     def update(self, snapshot: np.void) -> None:
         """Show the objects of a SNAPSHOT record."""
-        name = snapshot["scene"].decode()
-        if name != self._name:
-            self._name = name
+        name, parameters = snapshot["scene"].decode(), named(snapshot, "parameter")
+        if (name, parameters) != self._shown:
+            self._shown = name, parameters
             self._clear()
             if name in SCENE_NAMES:  # what is around a real robot is unknown
-                self._load(build(name))
+                self._load(build(name, parameters))
         for index, body in enumerate(self._movable[: snapshot["object_count"]]):
             body.position = snapshot["object_position"][index]
             body.wxyz = snapshot["object_orientation_wxyz"][index]

@@ -1,12 +1,32 @@
 """What the console acts on. The server provides it; every method may be called from any thread."""
 
-from collections.abc import Callable, Coroutine
+import time
+from collections.abc import Callable, Coroutine, Mapping
 from typing import Any, Literal, Protocol, TypeVar
+from weakref import WeakKeyDictionary
 
 import viser
 
 from control.command.limits import CommandLimits
 from sim.backends.hardware.status import HardwareStatus
+
+
+class TaskSink(Protocol):
+    """What the robot does by itself."""
+
+    def kinds(self) -> Any:
+        """The tasks that there are: a list of {name, scene, description, options}. Returns at once."""
+        ...
+
+    def start(self, name: str, options: Mapping[str, float]) -> object:
+        """Begin a task. Waits until it is begun."""
+
+    def get(self) -> Any:
+        """The task begun last: {name, phase, progress, outcome, reason, metrics, plan_m}. Waits for the answer."""
+        ...
+
+    def abort(self) -> object:
+        """Abort the task at work. Waits until it backs off."""
 
 
 class ConsoleSink(Protocol):
@@ -17,6 +37,11 @@ class ConsoleSink(Protocol):
     """
 
     limits: CommandLimits
+
+    @property
+    def tasks(self) -> TaskSink:
+        """The tasks."""
+        ...
 
     def available(self) -> dict[str, Any]:
         """Names in `controllers`, `estimators`, `scenes`; in `backends` {name, available, reason} with the reason why not."""
@@ -40,6 +65,9 @@ class ConsoleSink(Protocol):
     def set_scene(self, name: str) -> object:
         """Load a scene. Waits until it is done."""
 
+    def set_parameters(self, values: Mapping[str, float]) -> object:
+        """Change parameters of the scene. Waits until it is done."""
+
     def set_run(self, state: Literal["running", "paused"] | None, speed: float | None) -> object:
         """Run or pause, and at which speed; None leaves as it is. Waits until it is done."""
 
@@ -55,6 +83,9 @@ class ConsoleSink(Protocol):
 
 
 Event = TypeVar("Event", bound=Any)
+
+REPEAT_AFTER_S = 3.0
+_told: WeakKeyDictionary[Any, tuple[str, float]] = WeakKeyDictionary()
 
 
 def reports_refusal(callback: Callable[[Event], object]) -> Callable[[Event], Coroutine[Any, Any, None]]:
@@ -73,6 +104,10 @@ def reports_refusal(callback: Callable[[Event], object]) -> Callable[[Event], Co
 
 
 def notify(client: viser.ClientHandle | None, message: str) -> None:
-    """Tell one client that what it asked for was refused."""
-    if client is not None:
+    """Tell one client that what it asked for was refused; of a pull that is refused sixty times a second, once."""
+    if client is None:
+        return
+    told, told_s = _told.get(client, ("", 0.0))
+    if message != told or time.monotonic() - told_s > REPEAT_AFTER_S:
+        _told[client] = message, time.monotonic()
         client.add_notification("Refused", message, color="orange", auto_close_seconds=6.0)

@@ -3,6 +3,7 @@
 import threading
 import time
 from collections.abc import Callable
+from contextvars import copy_context
 from typing import Any
 
 import numpy as np
@@ -37,8 +38,9 @@ class Worker:
 
     def submit(self, key: object, action: Callable[[], None]) -> None:
         """Run `action` soon, in the order in which keys were first submitted."""
+        context = copy_context()  # whoever asks for it
         with self._wake:
-            self._actions[key] = action
+            self._actions[key] = lambda: context.run(action)
             self._wake.notify()
 
     def _run(self) -> None:

@@ -5,9 +5,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from control.command.limits import HandState
+from control.command.self_distance import SelfDistance
 from control.frames import quaternion_from_rotation, rotation_error, rotation_from_quaternion
 from control.robot_model import RobotModel
-from control.self_distance import SelfDistance
 from control.timing import CONTROL_PERIOD_S
 from control.types import Command
 

@@ -30,6 +30,7 @@ class EstimatorsConfig:
     constraints: contact constraints of gmo_cqp.
     adaptive: all of `adaptive`.
     weights: folder with the networks of the learned estimators; None to run without them.
+    names: of those that run, with all that they build on; None for all.
     """
 
     period_s: float = TICK_S
@@ -38,6 +39,7 @@ class EstimatorsConfig:
     constraints: ContactConstraints = field(default_factory=ContactConstraints)
     adaptive: AdaptiveConfig = field(default_factory=AdaptiveConfig)
     weights: Path | None = WEIGHTS_DIRECTORY
+    names: tuple[str, ...] | None = None
 
 
 def bases(estimators: Mapping[str, ForceEstimator]) -> dict[str, str]:
@@ -72,4 +74,4 @@ def make_estimators(model: RobotModel, config: EstimatorsConfig) -> dict[str, Fo
             network = load_network(name, config.weights)
             nominal = constrained if network.manifest.nominal == "gmo_cqp" else adaptive
             estimators[name] = LearnedEstimator(nominal, network, config.period_s)
-    return estimators
+    return {name: made for name, made in estimators.items() if config.names is None or name in config.names}

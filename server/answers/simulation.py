@@ -30,6 +30,21 @@ class ResetAnswer(Answer):
     """posture at the start"""
 
 
+class SceneParameter(Answer):
+    """Something of the scene that can be changed while it runs."""
+
+    name: str
+    """in PUT and PATCH; carries the unit"""
+    value: float
+    """now"""
+    default: float
+    """when nothing else is said"""
+    minimum: float
+    """of its range"""
+    maximum: float
+    """of its range"""
+
+
 class SceneAnswer(Answer):
     """The scene."""
 
@@ -37,6 +52,8 @@ class SceneAnswer(Answer):
     """of the scene"""
     available: list[str]
     """that can be chosen"""
+    parameters: list[SceneParameter]
+    """of this scene"""
 
 
 class MismatchAnswer(Answer):

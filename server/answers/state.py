@@ -7,6 +7,7 @@ from control.faults import Fault
 from control.joints import JOINT_NAMES, LEGS
 from server.answers.command import CommandFields
 from server.answers.schema import Answer, OneOf, PerJoint, Quaternion, Vector2, Vector3, names_of
+from server.answers.tasks import OutcomeName
 from sim.backends.hardware.states import DriveState
 from sim.runtime.fault_words import BACKEND_FAILED, CONTROL_PROCESS_DEAD, CONTROL_PROCESS_SILENT, LOOP_OVERRUNS
 from sim.runtime.snapshot import Mode
@@ -128,6 +129,23 @@ class Loop(Answer):
     """simulated over wall-clock time, as asked"""
 
 
+class TaskState(Answer):
+    """A task; GET /api/v1/tasks/current tells more."""
+
+    id: int
+    """names it in GET and DELETE"""
+    name: str
+    """of the task"""
+    phase: str
+    """what it does now, or did last"""
+    progress: float
+    """0 to 1"""
+    outcome: OutcomeName | None
+    """null while it is at work"""
+    in_charge: bool
+    """it commands, or holds what it commanded last; any command of an operator takes over"""
+
+
 class StateAnswer(Answer):
     """One consistent snapshot, taken after a tick."""
 
@@ -182,4 +200,8 @@ class StateAnswer(Answer):
     estimator_flags: list[Annotated[str, _FLAGS]]
     """why the selected estimate is to be mistrusted: an arm joint at its end, a contact of the arm with the robot, a contact
     elsewhere than at the hand, masses that still adapt; `force_sigma_n` is wider for the first three"""
+    readings: dict[str, float | None]
+    """what can be read off the scene, by name with its unit, such as `valve_angle_rad`; empty on a robot"""
+    task: TaskState | None
+    """the task that was begun last; null before the first"""
     loop: Loop

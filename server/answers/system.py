@@ -28,6 +28,15 @@ class HealthAnswer(Answer):
     """why the control process is dead, or why its backend failed"""
 
 
+class ReadyAnswer(Answer):
+    """Whether commands would act now."""
+
+    ready: bool
+    """the control process ticks, and its backend too"""
+    reason: str | None
+    """why not"""
+
+
 class RestartAnswer(Answer):
     """A fresh control process runs."""
 

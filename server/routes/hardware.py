@@ -22,7 +22,7 @@ def get_hardware(operator: TheOperator) -> Response:
 @router.post("", response_model=HardwareAnswer, responses=refusals(409, 413, 422, 503))
 def request_drive(body: DriveRequest, operator: TheOperator) -> Response:
     """Ask the drives for a change of state; answers once it has begun. 409 where the present state forbids it."""
-    return json_response(hardware_json(operator.robot.drive(body.request)))
+    return json_response(hardware_json(operator.drive(body.request)))
 
 
 def hardware_json(status: HardwareStatus) -> HardwareAnswer:

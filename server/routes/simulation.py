@@ -7,7 +7,9 @@ from fastapi import APIRouter, Response
 from server.answers.simulation import MismatchAnswer, ResetAnswer, RunAnswer, SceneAnswer, StepAnswer
 from server.dependencies import TheOperator
 from server.responses import json_response, refusals
-from server.schemas import MismatchRequest, ResetRequest, RunRequest, SceneRequest, StepRequest
+from server.schemas import MismatchRequest, ResetRequest, RunRequest, SceneParametersRequest, SceneRequest, StepRequest
+from sim.runtime.snapshot import named
+from sim.scenes import SCENE_NAMES, parameters
 
 router = APIRouter(prefix="/api/v1", tags=["simulation"])
 
@@ -43,7 +45,16 @@ def get_scene(operator: TheOperator) -> Response:
 @router.put("/scene", response_model=SceneAnswer, responses=refusals(409, 413, 422, 503))
 def put_scene(body: SceneRequest, operator: TheOperator) -> Response:
     """Load a scene with the robot at its start and the default command."""
-    operator.set_scene(body.name)
+    operator.set_scene(
+        body.name, body.parameters, seed=body.seed if "seed" in body.model_fields_set else None, rigid=body.rigid
+    )
+    return json_response(_scene(operator))
+
+
+@router.patch("/scene", response_model=SceneAnswer, responses=refusals(409, 413, 422, 503))
+def patch_scene(body: SceneParametersRequest, operator: TheOperator) -> Response:
+    """Change parameters of the scene while it runs; what moves, moves on."""
+    operator.set_parameters(body.parameters)
     return json_response(_scene(operator))
 
 
@@ -61,7 +72,19 @@ def put_mismatch(body: MismatchRequest, operator: TheOperator) -> Response:
 
 
 def _scene(operator: TheOperator) -> SceneAnswer:
-    return {"name": operator.client.require_snapshot()["scene"].decode(), "available": operator.available()["scenes"]}
+    snapshot = operator.client.require_snapshot()
+    name = snapshot["scene"].decode()
+    values = named(snapshot, "parameter")
+    known = parameters(name) if name in SCENE_NAMES else ()
+    return {
+        "name": name,
+        "available": operator.available()["scenes"],
+        "parameters": [
+            {"name": p.name, "value": values[p.name], "default": p.default, "minimum": p.minimum, "maximum": p.maximum}
+            for p in known
+            if p.name in values
+        ],
+    }
 
 
 def _mismatch(operator: TheOperator) -> MismatchAnswer:

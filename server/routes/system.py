@@ -6,8 +6,9 @@ from anyio import CapacityLimiter, to_thread
 from fastapi import APIRouter, Response
 
 from server.answers.state import StateAnswer
-from server.answers.system import HealthAnswer, RestartAnswer
+from server.answers.system import HealthAnswer, ReadyAnswer, RestartAnswer
 from server.dependencies import TheBuild, TheOperator
+from server.readiness import unready_because
 from server.responses import json_response, refusals
 from server.schemas import RestartRequest
 from server.silence import silence_of
@@ -50,6 +51,17 @@ async def get_health(operator: TheOperator, build: TheBuild) -> Response:
     if reason is not None:
         body["reason"] = reason
     return json_response(body, 200 if status in ("ok", "busy") else 503)
+
+
+@router.get(
+    "/ready",
+    response_model=ReadyAnswer,
+    responses={503: {"model": ReadyAnswer, "description": "It is not ready; `reason` says why"}},
+)
+async def get_ready(operator: TheOperator) -> Response:
+    """Whether commands would act now. Not while the control process starts or a scene loads, when `health` is well."""
+    reason = unready_because(operator.client)
+    return json_response({"ready": reason is None, "reason": reason}, 200 if reason is None else 503)
 
 
 @router.get("/state", response_model=StateAnswer, responses=refusals(503))

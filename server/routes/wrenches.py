@@ -21,11 +21,11 @@ def list_wrenches(operator: TheOperator) -> Response:
 @router.post("", status_code=201, response_model=WrenchCreatedAnswer, responses=refusals(409, 413, 422, 503))
 def add_wrench(body: WrenchRequest, operator: TheOperator) -> Response:
     """Apply a wrench, in addition to those that act already; it expires by itself."""
-    return json_response({"id": operator.client.call("add_wrench", **body.model_dump())}, 201)
+    return json_response({"id": operator.add_wrench(**body.model_dump())}, 201)
 
 
 @router.delete("/{wrench_id}", status_code=204, responses=refusals(404, 409, 422, 503))
 def remove_wrench(wrench_id: Annotated[int, Path(ge=1, examples=[1])], operator: TheOperator) -> Response:
     """End a wrench now; 404 if it is not at work."""
-    operator.client.call("remove_wrench", key=wrench_id)
+    operator.remove_wrench(wrench_id)
     return Response(status_code=204)

@@ -14,7 +14,7 @@ import numpy as np
 
 from control.command.limits import DEFAULT_COMMAND
 from control.types import Command
-from sim.scenes import SceneModel, assemble
+from sim.scenes import SceneModel, assemble, pad
 
 DURATION_S = 12.0
 APPROACH_S = 1.5
@@ -31,10 +31,6 @@ BOX_HALF_M = (0.20, 0.25, 0.26)
 BOX_MASS_KG = 4.0
 BOX_FRICTION = 0.3
 """12 N of sliding friction; pushed at 0.42 m the box does not tip."""
-
-PADDING_SOLREF = (0.02, 1.0)
-PADDING_SOLIMP = (0.1, 0.9, 0.003, 0.5, 2.0)
-"""2 mm deep under 15 N."""
 
 _BOX = mujoco.mjtGeom.mjGEOM_BOX
 _PRIORITY = 2
@@ -117,8 +113,7 @@ class ContactTask:
         def add_objects(spec: mujoco.MjSpec) -> tuple[str, ...]:
             movable_bodies = self.add_objects(spec)
             if padded:
-                surface = spec.geom(SURFACE)
-                surface.solref, surface.solimp = PADDING_SOLREF, PADDING_SOLIMP
+                pad(spec, (SURFACE,))
             return movable_bodies
 
         return assemble(self.name, self.name, add_objects)

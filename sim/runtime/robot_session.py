@@ -4,6 +4,8 @@ Before POLICY the pipeline watches: estimates are shown, its commands go nowhere
 POLICY the pipeline starts afresh from the measured posture, so that nothing of the time before jumps into the motors.
 """
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from control.faults import Fault
@@ -14,6 +16,7 @@ from sim.backends.hardware.states import REQUEST_NAMES, DriveState, Request
 from sim.runtime.fault_words import ESTOP_LATCHED
 from sim.runtime.session import Session, SessionError
 from sim.runtime.snapshot import Mode
+from sim.tasks.desk import TaskRecord
 
 WATCHING_FAULTS = Fault.CONTROLLER_ERROR | Fault.ESTIMATOR_ERROR | Fault.ESTIMATOR_STALE | Fault.NOT_FINITE
 """Of a pipeline that only watches: what is wrong with it and what it reads. The others are about a robot that obeys it."""
@@ -51,8 +54,16 @@ class RobotSession(Session[HardwareBackend]):
         state = self.backend.state
         if state != self._drive_state and state == DriveState.POLICY:
             self._reset_pipeline()
+        if state != DriveState.POLICY:
+            self.tasks.drop("the controller no longer moves the robot")
         self._drive_state = state
         return super().tick(command, command_age_s)
+
+    def start_task(self, name: str, options: Mapping[str, float], sequence: int = 0) -> TaskRecord:
+        """See Session; only while the controller moves the robot."""
+        if self._drive_state != DriveState.POLICY:
+            raise SessionError('the controller does not move the robot; POST /api/v1/hardware {"request": "start"} first')
+        return super().start_task(name, options, sequence)
 
     def drive(self, request: str) -> int:
         """Ask for a change of the drives' state, by the name of a Request in lower case; returns its sequence number.

@@ -4,8 +4,9 @@ A session has no clock and no sockets. Feed it set-points, tick it, and let it f
 only a robot can do stands in sim.runtime.simulation and sim.runtime.robot_session.
 """
 
+from collections.abc import Mapping
 from dataclasses import replace
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 
@@ -16,20 +17,25 @@ from control.pipeline import Pipeline, PipelineConfig, PipelineOutput
 from control.timing import TICK_S
 from control.types import Command
 from sim.backends.protocol import Backend, GroundTruth
+from sim.runtime.fault_words import ESTOP_LATCHED
 from sim.runtime.snapshot import MAX_ESTIMATORS, NAME, Mode, command_from_record
+from sim.runtime.snapshot_kernels import track_error_power
 from sim.runtime.snapshot_limits import check_name, check_pipeline
 from sim.runtime.snapshot_writer import (
     newest_forces,
     numbers_of,
-    track_error_power,
     write_commands,
     write_failures,
     write_forces,
     write_hand_load,
+    write_named,
     write_policy,
     write_robot,
     write_session,
+    write_task,
 )
+from sim.tasks.desk import TaskDesk, TaskRecord, task_fields
+from sim.tasks.task import TaskRefusedError
 
 ERROR_WINDOW_S = 5.0
 """Time constant of the live error of each estimator."""
@@ -64,6 +70,8 @@ class Session(Generic[BackendT]):
         self._filled: np.void | None = None
         self._asked, self._asked_command = b"", DEFAULT_COMMAND
         self._command_sequence = 0
+        self.tasks = TaskDesk(self.pipeline.config.limits)
+        self._task_sequence = 0
         self._forget()
 
     @property
@@ -112,9 +120,66 @@ class Session(Generic[BackendT]):
             self._unheard_sequence = sequence
         if sequence == self._unheard_sequence:
             command = replace(command, base_velocity=np.zeros(3))
+        if self.tasks.in_charge and sequence != self._task_sequence:
+            self.tasks.hand_over(self.output, self.time_s)
+        if self.tasks.in_charge:
+            command = self.tasks.command(self.output, self.time_s)
         self.tick(command, age_s)
         self._command = command
         self._command_sequence = sequence
+
+    def tick_task(self) -> None:
+        """`tick` by the task that is in charge, without an operator; see `start_task`."""
+        self._command = self.tasks.command(self.output, self.time_s)
+        self.tick(self._command)
+
+    def start_task(self, name: str, options: Mapping[str, float], sequence: int = 0) -> TaskRecord:
+        """Begin a task. It commands until it ends, and then holds, until a set-point with another `sequence` comes.
+
+        Raises:
+            ValueError: no such task or option, or a value out of its range.
+            SessionError: it cannot begin; the message says what to do.
+        """
+        if self.pipeline.estop_latched:
+            raise SessionError(ESTOP_LATCHED)
+        try:
+            record = self.tasks.start(name, options, self.scene, self.output, self.time_s)
+        except TaskRefusedError as refusal:
+            raise SessionError(str(refusal)) from None
+        self._task_sequence = sequence
+        return record
+
+    def abort_task(self, key: int | None = None) -> dict[str, Any]:
+        """Stop the task at work, which backs off and holds; answers like `task_fields`.
+
+        Raises:
+            KeyError: none is at work, or not that one.
+        """
+        current = self.tasks.current
+        if current is None or not self.tasks.running or key not in (None, current.id):
+            raise KeyError("no task is at work" if key is None else f"task {key} is not at work")
+        self.tasks.abort(self.output, self.time_s, "it was aborted")
+        return self.task_fields()
+
+    def task_fields(self, key: int | None = None) -> dict[str, Any]:
+        """What there is to tell of a task, by default the one begun last.
+
+        Raises:
+            KeyError: there is none.
+        """
+        record = self.tasks.current if key is None else self.tasks.find(key)
+        if record is None:
+            raise KeyError("no task has been begun")
+        return task_fields(record)
+
+    @property
+    def scene(self) -> str | None:
+        """Name of the scene; None where it is not known."""
+        return None
+
+    def readings(self) -> dict[str, float]:
+        """What can be read off the scene; empty where it is not known."""
+        return {}
 
     def truth(self) -> GroundTruth | None:
         """Ground truth after the last tick, for evaluation; None where the backend has none."""
@@ -177,7 +242,8 @@ class Session(Generic[BackendT]):
             raise SessionError(str(error)) from error
 
     def estop(self) -> None:
-        """Latch the e-stop."""
+        """Latch the e-stop; a task at work is over."""
+        self.tasks.drop("the e-stop was pressed")
         self.pipeline.estop()
 
     def clear_estop(self) -> None:
@@ -210,6 +276,11 @@ class Session(Generic[BackendT]):
         write_forces(numbers, output, truth, names, selected, self._error_power)
         write_hand_load(record, numbers, self.pipeline.hand_load.state(selected))
         write_policy(record, numbers, self.pipeline.controllers[self.pipeline.controller_name])
+        readings = self.readings()
+        write_named(record, "reading", readings)
+        if self.tasks.running and self.tasks.current is not None:
+            self.tasks.current.readings = readings
+        write_task(record, self.tasks)
 
     def _forget(self) -> None:
         """As before the first tick, but for the pipeline and what counts on: the command's sequence number."""
@@ -220,6 +291,7 @@ class Session(Generic[BackendT]):
         self._error_power[:] = np.nan
 
     def _reset_pipeline(self) -> None:
+        self.tasks.drop("the robot was put back")
         latched = self.pipeline.estop_latched
         self.pipeline.reset()
         if latched:  # only clear_estop clears it

@@ -1,6 +1,6 @@
 """The session of the simulated robot: besides what every session does, its world can be reset, changed and pushed."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -12,20 +12,25 @@ from sim import scenes
 from sim.backends.protocol import GroundTruth
 from sim.backends.simulation.applied_wrenches import ActiveWrench
 from sim.backends.simulation.drag_spring import DRAG_HEARTBEAT_S
+from sim.backends.simulation.leading_person import LeadingPerson
 from sim.backends.simulation.mujoco_backend import MujocoBackend
 from sim.backends.simulation.sensors import SensorConfig
 from sim.backends.simulation.wrenches import Pulse
 from sim.runtime.session import Session
 from sim.runtime.snapshot_limits import check_scene
-from sim.runtime.snapshot_writer import write_simulation
+from sim.runtime.snapshot_writer import write_named, write_simulation
+from sim.tasks.desk import TaskRecord
+from sim.tasks.guidance import GuidanceTask
 
 
 @dataclass(frozen=True, slots=True)
 class SimulationConfig:
-    """What a simulation is made of. `seed` draws the sensors' errors."""
+    """What a simulation is made of. `seed` draws the sensors' errors; `parameters` and `rigid` are of the scene."""
 
     scene: str = "free"
     seed: int = 0
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    rigid: bool = False
     sensors: SensorConfig = field(default_factory=SensorConfig)
     pipeline: PipelineConfig = field(default_factory=PipelineConfig)
 
@@ -40,9 +45,11 @@ class Simulation(Session[MujocoBackend]):
 
     def __init__(self, config: SimulationConfig | None = None) -> None:
         config = config or SimulationConfig()
-        super().__init__(MujocoBackend(_build_scene(config.scene), config.sensors, config.seed), config.pipeline)
+        scene = _build_scene(config.scene, config.parameters, config.rigid)
+        super().__init__(MujocoBackend(scene, config.sensors, config.seed), config.pipeline)
         self._truth: GroundTruth | None = None
         self._drag_target: np.ndarray | None = None
+        self.person: LeadingPerson | None = None
 
     def tick(self, command: Command, command_age_s: float = 0.0) -> PipelineOutput:
         """See Session."""
@@ -70,15 +77,40 @@ class Simulation(Session[MujocoBackend]):
         self.backend.reset(seed=seed, keyframe=keyframe)
         self._restart()
 
-    def set_scene(self, name: str) -> None:
-        """Load another scene with the robot at its start.
+    def set_scene(self, name: str, parameters: Mapping[str, float] | None = None, rigid: bool = False) -> None:
+        """Load another scene with the robot at its start; see sim.scenes.build.
 
         Raises:
-            ValueError: unknown scene.
+            ValueError: unknown scene or parameter, or a value out of its range.
             SnapshotLimitError: the scene does not fit into a snapshot.
         """
-        self.backend.set_scene(_build_scene(name))
+        self.backend.set_scene(_build_scene(name, parameters, rigid))
         self._restart()
+
+    def set_parameters(self, parameters: Mapping[str, float]) -> None:
+        """Change parameters of the scene while it runs.
+
+        Raises:
+            ValueError: unknown parameter, or a value out of its range.
+        """
+        self.backend.set_parameters(parameters)
+
+    def start_task(self, name: str, options: Mapping[str, float], sequence: int = 0) -> TaskRecord:
+        """See Session; where a task needs somebody who leads the hand, there is one."""
+        record = super().start_task(name, options, sequence)
+        if isinstance(record.runner.task, GuidanceTask):
+            self.person = LeadingPerson(self.backend.seed, record.options["lead_s"])
+            self.backend.wrenches.add(self.person)
+        return record
+
+    @property
+    def scene(self) -> str:
+        """Name of the scene."""
+        return self.backend.scene
+
+    def readings(self) -> dict[str, float]:
+        """What can be read off the scene."""
+        return self.backend.readings()
 
     def set_mismatch(
         self,
@@ -105,8 +137,8 @@ class Simulation(Session[MujocoBackend]):
         return self.backend.wrenches.add(Pulse(**spec))
 
     def list_wrenches(self) -> tuple[ActiveWrench, ...]:
-        """What acts now, oldest first; the operator's drag is apart."""
-        return self.backend.wrenches.list()
+        """What acts now, oldest first; the operator's drag and a person who leads the hand are apart."""
+        return tuple(active for active in self.backend.wrenches.list() if isinstance(active.source, Pulse))
 
     def remove_wrench(self, key: int) -> None:
         """End one wrench. Raises KeyError when it is not at work."""
@@ -116,6 +148,7 @@ class Simulation(Session[MujocoBackend]):
         """See Session."""
         super().fill(record)
         record["scene"] = self.backend.scene
+        write_named(record, "parameter", self.backend.parameters)
         write_simulation(self._numbers, self.backend.mass_scale, self._drag_target, self.backend.wrenches.drag_force_in_world)
 
     def _set_drag(self, target_in_world: np.ndarray | None) -> None:
@@ -130,7 +163,7 @@ class Simulation(Session[MujocoBackend]):
         self._drag_target = None
 
 
-def _build_scene(name: str) -> scenes.SceneModel:
-    scene = scenes.build(name)
-    check_scene(scene.name, scene.movable_bodies)
+def _build_scene(name: str, parameters: Mapping[str, float] | None, rigid: bool) -> scenes.SceneModel:
+    scene = scenes.build(name, parameters, rigid=rigid)
+    check_scene(scene)
     return scene

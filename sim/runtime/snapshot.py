@@ -15,6 +15,9 @@ from control.types import Command
 NAME_BYTES = 16
 MAX_ESTIMATORS = MOST_ESTIMATORS
 MAX_OBJECTS = 8
+TICK_CLASSES = 17
+MAX_READINGS = 8
+MAX_PARAMETERS = 8
 MAX_OBSERVATION = 160
 """sim.runtime.snapshot_limits refuses what is longer or more."""
 
@@ -102,6 +105,16 @@ SNAPSHOT = np.dtype(
         ("object_count", "u1"),
         ("object_position", "f8", (MAX_OBJECTS, 3)),  # movable bodies of the scene, in world; NaN from their number on
         ("object_orientation_wxyz", "f8", (MAX_OBJECTS, 4)),
+        ("reading_names", NAME, MAX_READINGS),  # of the scene; empty from their number on
+        ("readings", "f8", MAX_READINGS),
+        ("parameter_names", NAME, MAX_PARAMETERS),  # of the scene
+        ("parameters", "f8", MAX_PARAMETERS),
+        ("task_id", "u4"),  # of the task begun last, 0 before the first
+        ("task_name", NAME),
+        ("task_phase", NAME),
+        ("task_progress", "f8"),
+        ("task_outcome", "u1"),  # sim.tasks.runner.Outcome
+        ("task_in_charge", "?"),  # `command` is the task's, not the operator's
         ("drag_active", "?"),
         ("drag_target_in_world", "f8", 3),
         ("drag_force_n", "f8", 3),  # in heading
@@ -116,6 +129,8 @@ SNAPSHOT = np.dtype(
         ("tick_median_us", "f8"),
         ("realtime_scheduling", "?"),  # SCHED_FIFO was granted
         ("speed", "f8"),
+        ("tick_histogram", "u8", TICK_CLASSES),  # ticks by duration, see server.pacing
+        ("tick_total_s", "f8"),  # sum of their durations
     ]
 )
 
@@ -134,6 +149,12 @@ SETPOINT = np.dtype(
 def on_hardware(record: np.void) -> bool:
     """Whether a SNAPSHOT record is of a robot behind its wire, real or emulated, not of the simulation."""
     return record["backend"] == b"hardware"
+
+
+def named(record: np.void, kind: str) -> dict[str, float]:
+    """The readings or the parameters of the scene, as `kind` says, of a SNAPSHOT record."""
+    pairs = zip(record[f"{kind}_names"].tolist(), record[f"{kind}s"].tolist(), strict=True)
+    return {name.decode(): value for name, value in pairs if name}
 
 
 def command_from_record(record: np.void) -> Command:

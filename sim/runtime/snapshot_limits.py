@@ -1,10 +1,9 @@
 """What fits into a snapshot, checked when a session meets what is registered: a longer name would be cut without a word."""
 
-from collections.abc import Sequence
-
 from control.pipeline import Pipeline
 from control.policy.policy_controller import PolicyController
-from sim.runtime.snapshot import MAX_OBJECTS, MAX_OBSERVATION, NAME_BYTES
+from sim.runtime.snapshot import MAX_OBJECTS, MAX_OBSERVATION, MAX_PARAMETERS, MAX_READINGS, NAME_BYTES
+from sim.scenes import SceneModel
 
 
 class SnapshotLimitError(ValueError):
@@ -39,12 +38,20 @@ def check_pipeline(pipeline: Pipeline) -> None:
                 raise SnapshotLimitError(f"policy {name!r} observes {size} values", str(MAX_OBSERVATION), "MAX_OBSERVATION")
 
 
-def check_scene(name: str, movable_bodies: Sequence[str]) -> None:
+def check_scene(scene: SceneModel) -> None:
     """
     Raises:
-        SnapshotLimitError: a scene's name is too long, or more than MAX_OBJECTS of its bodies move.
+        SnapshotLimitError: a name in a scene is too long, or too many of its bodies move, or of its readings or parameters.
     """
+    name, movable_bodies = scene.name, scene.movable_bodies
     check_name("scene", name)
+    readings = [reading.name for reading in scene.readings]
+    kinds = (("reading", readings, MAX_READINGS), ("parameter", list(scene.values), MAX_PARAMETERS))
+    for kind, names, most in kinds:
+        for item in names:
+            check_name(kind, item)
+        if len(names) > most:
+            raise SnapshotLimitError(f"scene {name!r} has {len(names)} {kind}s", str(most), f"MAX_{kind.upper()}S")
     if len(movable_bodies) > MAX_OBJECTS:
         what = f"there are {len(movable_bodies)} movable bodies in scene {name!r}, {', '.join(movable_bodies)}"
         raise SnapshotLimitError(what, str(MAX_OBJECTS), "MAX_OBJECTS")

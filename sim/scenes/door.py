@@ -1,12 +1,16 @@
 """Spring-loaded door (paper Sec. IV.C): press the lever down to free the latch, then push the door open against its closer.
 
 The latch is mechanical: a bolt behind the lever's axis stands in front of a strike plate on the frame and swings clear of
-it when the lever is pressed down by about 0.35 rad. Positive door angles open away from the robot.
+it when the lever is pressed down by about 0.35 rad. The strike's far side slants, so that a door that closes lifts its bolt
+over it and latches again. Positive door angles open away from the robot.
 """
 
-import mujoco
+from collections.abc import Mapping
 
-from sim.scenes.scene import DRY_FRICTION_SOLIMP
+import mujoco
+import numpy as np
+
+from sim.scenes.scene import DRY_FRICTION_SOLIMP, Parameter, Reading, joint_reading
 
 DESCRIPTION = "A spring-loaded door: press the lever, push, keep it open"
 
@@ -20,8 +24,18 @@ CLOSER_STIFFNESS = 5.0
 """N m/rad."""
 CLOSER_PRELOAD = 2.5
 """N m at the closed door."""
+CLOSER_DAMPING = 4.0
+"""N m s/rad; the leaf takes some two seconds to close."""
 LEVER_STIFFNESS = 1.2
 """N m/rad."""
+PARAMETERS = (
+    Parameter("spring_scale", 1.0, 0.2, 2.5, drawn=(0.9, 1.1)),
+    Parameter("damping_nmsprad", CLOSER_DAMPING, 1.0, 15.0, drawn=(3.0, 5.0)),
+    Parameter("leaf_kg", 8.0, 4.0, 16.0, drawn=(7.0, 10.0)),
+)
+LEAF_FRICTION = 0.4
+"""Of smooth paint under rubber."""
+PADDED = ("door", "door_lever_grip")
 _HALF_THICKNESS_M = 0.02
 _BOLT_LENGTH_M = 0.10
 _WOOD = [0.72, 0.56, 0.40, 1.0]
@@ -29,7 +43,12 @@ _METAL = [0.45, 0.47, 0.50, 1.0]
 _FRAME = [0.88, 0.88, 0.86, 1.0]
 
 
-def add_objects(spec: mujoco.MjSpec) -> tuple[str, ...]:
+def readings() -> tuple[Reading, ...]:
+    """How far the leaf is open and the lever pressed."""
+    return joint_reading("door_angle_rad", "door_hinge"), joint_reading("lever_angle_rad", "lever_hinge")
+
+
+def add_objects(spec: mujoco.MjSpec, values: Mapping[str, float]) -> tuple[str, ...]:
     """Adds the bodies "door" (hinge "door_hinge") and "door_lever" (hinge "lever_hinge"), and the fixed frame."""
     door = spec.worldbody.add_body(name="door", pos=[HINGE_X_M, HINGE_Y_M, 0.0])
     door.add_joint(
@@ -38,9 +57,10 @@ def add_objects(spec: mujoco.MjSpec) -> tuple[str, ...]:
         axis=[0, 0, 1],
         range=[0.0, 1.9],
         limited=True,
-        stiffness=[CLOSER_STIFFNESS, 0, 0],
+        solref_limit=[0.05, 1.0],  # a stop of rubber
+        stiffness=[values["spring_scale"] * CLOSER_STIFFNESS, 0, 0],
         springref=-CLOSER_PRELOAD / CLOSER_STIFFNESS,
-        damping=[2.0, 0, 0],
+        damping=[values["damping_nmsprad"], 0, 0],
         frictionloss=0.3,
         solimp_friction=DRY_FRICTION_SOLIMP,
     )
@@ -49,7 +69,8 @@ def add_objects(spec: mujoco.MjSpec) -> tuple[str, ...]:
         type=mujoco.mjtGeom.mjGEOM_BOX,
         size=[_HALF_THICKNESS_M, 0.5 * WIDTH_M, 0.5 * HEIGHT_M - 0.01],
         pos=[0.0, -0.5 * WIDTH_M, 0.5 * HEIGHT_M + 0.01],
-        mass=8.0,
+        mass=values["leaf_kg"],
+        friction=[LEAF_FRICTION, 0.005, 0.0001],
         rgba=_WOOD,
     )
     _add_lever(door)
@@ -81,6 +102,28 @@ def _add_lever(door: mujoco.MjsBody) -> None:
     }
     for name, (ends, radius) in parts.items():
         lever.add_geom(name=f"door_lever_{name}", type=capsule, fromto=ends, size=[radius, 0, 0], mass=0.08, rgba=_METAL)
+    back = [reach, LEVER_LENGTH_M, 0, reach + 0.045, LEVER_LENGTH_M, 0]  # the grip's end turns back to the leaf
+    lever.add_geom(
+        name="door_lever_return",
+        type=capsule,
+        fromto=back,
+        size=[0.010, 0, 0],
+        mass=0.02,
+        contype=0,
+        conaffinity=0,
+        rgba=_METAL,
+    )
+    for side, x in (("near", -1.0), ("far", 1.0)):
+        door.add_geom(
+            name=f"door_plate_{side}",
+            type=mujoco.mjtGeom.mjGEOM_BOX,
+            size=[0.002, 0.022, 0.11],
+            pos=[x * (_HALF_THICKNESS_M + 0.002), LEVER_AXIS_Y_M - HINGE_Y_M, LEVER_HEIGHT_M - 0.03],
+            mass=0.0,
+            contype=0,
+            conaffinity=0,
+            rgba=_METAL,
+        )
 
 
 def _add_frame(spec: mujoco.MjSpec) -> None:
@@ -95,5 +138,22 @@ def _add_frame(spec: mujoco.MjSpec) -> None:
         type=box,
         size=[0.01, 0.021, 0.012],
         pos=[HINGE_X_M + 0.02, latch_y - 0.039, LEVER_HEIGHT_M],
+        rgba=_METAL,
+    )
+    _add_slant(spec, np.array([HINGE_X_M + 0.03, latch_y - 0.039, LEVER_HEIGHT_M + 0.012]))
+
+
+def _add_slant(spec: mujoco.MjSpec, top: np.ndarray) -> None:
+    """The strike's far side: a chute from its upper edge `top` (3,) m down and away from the robot."""
+    slope, half_length, half_thickness = 0.38, 0.046, 0.004
+    along, normal = np.array([np.cos(slope), 0.0, -np.sin(slope)]), np.array([np.sin(slope), 0.0, np.cos(slope)])
+    spec.worldbody.add_geom(
+        name="door_slant",
+        type=mujoco.mjtGeom.mjGEOM_BOX,
+        size=[half_length, 0.021, half_thickness],
+        pos=top + half_length * along - half_thickness * normal,
+        quat=[np.cos(0.5 * slope), 0.0, np.sin(0.5 * slope), 0.0],
+        friction=[0.05, 0.005, 0.0001],
+        priority=1,
         rgba=_METAL,
     )

@@ -1,7 +1,7 @@
 """What a scene is: the robot on a floor, and objects that it can push, wipe, turn or open."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 
 import mujoco
 import numpy as np
@@ -10,6 +10,13 @@ from control.paths import ROBOT_MJCF
 
 DRY_FRICTION_SOLIMP = (0.99, 0.999, 0.001, 0.5, 2.0)
 """Constraint impedance of dry joint friction that really holds: MuJoCo's default one creeps under load."""
+
+PADDING_SOLREF = (0.02, 1.0)
+PADDING_SOLIMP = (0.1, 0.9, 0.003, 0.5, 2.0)
+"""Contact of a surface with a thin skin of rubber: it gives way by 2 mm under 15 N. Between rigid bodies the simulated force
+jumps from tick to tick while they slide, which no sensor at 50 Hz follows."""
+_PADDED_PRIORITY = 2
+"""Above the tool and the floor: friction and padding of the surface hold."""
 
 _PRIMITIVES = {
     mujoco.mjtGeom.mjGEOM_PLANE: "plane",
@@ -45,6 +52,40 @@ class Primitive:
     rgba: np.ndarray
 
 
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """Something of a scene that can be changed while it runs.
+
+    Attributes:
+        name: with its unit.
+        default: what it is when nothing else is said.
+        minimum, maximum: its range.
+        drawn: range of what a seed draws; the task is not told.
+    """
+
+    name: str
+    default: float
+    minimum: float
+    maximum: float
+    drawn: tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """Something of a scene that can be read off, such as an angle; `read` takes the state after a tick.
+
+    What is read more than once per control period, such as the share of a pattern that is wiped, may count from call to call.
+    """
+
+    name: str
+    read: Callable[[mujoco.MjData], float]
+
+
+def joint_reading(name: str, joint: str, sign: float = 1.0) -> Reading:
+    """Position of a joint, rad or m, times `sign`."""
+    return Reading(name, lambda data: sign * float(data.joint(joint).qpos[0]))
+
+
 @dataclass(frozen=True)
 class SceneModel:
     """A scene, ready to simulate.
@@ -56,6 +97,9 @@ class SceneModel:
         robot_bodies: names of the robot's bodies.
         movable_bodies: names of the object bodies that move, in the order of GroundTruth.object_positions.
         primitives: all geoms that are not the robot's, fixed and movable.
+        readings: what can be read off.
+        values: its parameters, by name.
+        rigid: nothing that the hand touches is padded.
     """
 
     name: str
@@ -64,6 +108,16 @@ class SceneModel:
     robot_bodies: tuple[str, ...]
     movable_bodies: tuple[str, ...]
     primitives: tuple[Primitive, ...]
+    readings: tuple[Reading, ...] = ()
+    values: Mapping[str, float] = field(default_factory=dict)
+    rigid: bool = False
+
+
+def pad(spec: mujoco.MjSpec, names: tuple[str, ...]) -> None:
+    """Put a thin skin of rubber on geoms."""
+    for name in names:
+        geom = spec.geom(name)
+        geom.solref, geom.solimp, geom.priority = PADDING_SOLREF, PADDING_SOLIMP, _PADDED_PRIORITY
 
 
 def assemble(name: str, description: str, add_objects: Callable[[mujoco.MjSpec], tuple[str, ...]]) -> SceneModel:

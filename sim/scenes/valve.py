@@ -4,10 +4,12 @@ The tool is a ball and cannot grasp, so the wheel's handle is a short square cup
 pulls and pushes in every direction of the plane while its orientation stays free.
 """
 
+from collections.abc import Mapping
+
 import mujoco
 import numpy as np
 
-from sim.scenes.scene import DRY_FRICTION_SOLIMP
+from sim.scenes.scene import DRY_FRICTION_SOLIMP, Parameter, Reading, joint_reading
 
 DESCRIPTION = "A handwheel with friction, turned by the cup on its rim"
 
@@ -19,30 +21,42 @@ FRICTION_TORQUE = 0.8
 """N m."""
 DAMPING = 2.0
 """N m s/rad."""
+PARAMETERS = (
+    Parameter("friction_nm", FRICTION_TORQUE, 0.0, 1.8, drawn=(0.5, 1.0)),
+    Parameter("damping_nmsprad", DAMPING, 0.5, 6.0, drawn=(1.6, 2.4)),
+    Parameter("height_m", CENTER_HEIGHT_M, 0.50, 0.58, drawn=(0.53, 0.55)),
+)
+PADDED = tuple(f"valve_cup_{part}" for part in ("bottom", "left", "right", "top", "low"))
 _CUP_HALF_WIDTH_M = 0.027
 _CUP_DEPTH_M = 0.035
 _WALL_M = 0.004
 _RIM_SEGMENTS = 12
 _METAL = [0.45, 0.47, 0.50, 1.0]
 _RED = [0.78, 0.22, 0.20, 1.0]
+_MARK = [0.95, 0.85, 0.25, 1.0]
 
 
-def add_objects(spec: mujoco.MjSpec) -> tuple[str, ...]:
+def readings() -> tuple[Reading, ...]:
+    """How far the wheel is turned; positive turns the top to the robot's right."""
+    return (joint_reading("valve_angle_rad", "valve_hinge"),)
+
+
+def add_objects(spec: mujoco.MjSpec, values: Mapping[str, float]) -> tuple[str, ...]:
     """Adds the body "valve" (hinge "valve_hinge" about x, handle on top at angle 0) and its post."""
-    plane_x = CUP_BOTTOM_X_M + 0.02
-    valve = spec.worldbody.add_body(name="valve", pos=[plane_x, 0.0, CENTER_HEIGHT_M])
+    plane_x, height = CUP_BOTTOM_X_M + 0.02, values["height_m"]
+    valve = spec.worldbody.add_body(name="valve", pos=[plane_x, 0.0, height])
     valve.add_joint(
         name="valve_hinge",
         type=mujoco.mjtJoint.mjJNT_HINGE,
         axis=[1, 0, 0],
-        damping=[DAMPING, 0, 0],
-        frictionloss=FRICTION_TORQUE,
+        damping=[values["damping_nmsprad"], 0, 0],
+        frictionloss=values["friction_nm"],
         solimp_friction=DRY_FRICTION_SOLIMP,
         armature=0.01,
     )
     _add_wheel(valve)
     _add_cup(valve, CUP_BOTTOM_X_M - plane_x)
-    post_half_height = 0.5 * (CENTER_HEIGHT_M + 0.05)
+    post_half_height = 0.5 * (height + 0.05)
     spec.worldbody.add_geom(
         name="valve_post",
         type=mujoco.mjtGeom.mjGEOM_BOX,
@@ -53,13 +67,29 @@ def add_objects(spec: mujoco.MjSpec) -> tuple[str, ...]:
     spec.worldbody.add_geom(
         name="valve_stem",
         type=mujoco.mjtGeom.mjGEOM_CAPSULE,
-        fromto=[plane_x + 0.02, 0, CENTER_HEIGHT_M, plane_x + 0.09, 0, CENTER_HEIGHT_M],
+        fromto=[plane_x + 0.02, 0, height, plane_x + 0.09, 0, height],
         size=[0.015, 0, 0],
         contype=0,
         conaffinity=0,
         rgba=_METAL,
     )
+    _add_dial(spec, plane_x + 0.05, height)
     return ("valve",)
+
+
+def _add_dial(spec: mujoco.MjSpec, x: float, height: float) -> None:
+    """Marks behind the wheel, the first on top, against which its handle is read."""
+    for index, angle in enumerate(np.arange(0.0, 2.0 * np.pi, np.pi / 6.0)):
+        inner, outer = (radius * np.array([0.0, -np.sin(angle), np.cos(angle)]) for radius in (0.15, 0.175))
+        spec.worldbody.add_geom(
+            name=f"valve_mark_{index}",
+            type=mujoco.mjtGeom.mjGEOM_CAPSULE,
+            fromto=[*(inner + [x, 0.0, height]), *(outer + [x, 0.0, height])],
+            size=[0.006 if index == 0 else 0.003, 0, 0],
+            contype=0,
+            conaffinity=0,
+            rgba=_MARK if index == 0 else _METAL,
+        )
 
 
 def _add_wheel(valve: mujoco.MjsBody) -> None:
@@ -71,7 +101,8 @@ def _add_wheel(valve: mujoco.MjsBody) -> None:
         valve.add_geom(name=f"valve_rim_{index}", type=capsule, fromto=ends, size=[0.01, 0, 0], mass=0.05, rgba=_RED)
     for index in range(0, _RIM_SEGMENTS, 4):
         ends = [0, 0, 0, *rim[index]]
-        valve.add_geom(name=f"valve_spoke_{index}", type=capsule, fromto=ends, size=[0.008, 0, 0], mass=0.05, rgba=_RED)
+        color = _MARK if index == 0 else _RED
+        valve.add_geom(name=f"valve_spoke_{index}", type=capsule, fromto=ends, size=[0.008, 0, 0], mass=0.05, rgba=color)
 
 
 def _add_cup(valve: mujoco.MjsBody, bottom_x: float) -> None:

@@ -64,7 +64,7 @@ def test_every_call_of_a_simulation_answers_by_its_schema(server: RunningServer,
 
 
 def test_without_a_token_or_a_control_process_answers_have_schemas_too(app: FastAPI) -> None:
-    statuses = {path: authorized(app, API + path) for path in ("health", "state", "scene")}
+    statuses = {path: authorized(app, API + path) for path in ("health", "ready", "state", "scene")}
     for response in (*statuses.values(), ask(app, "GET", f"{API}state")):
         check_answer(response)
     assert {response.status_code for response in statuses.values()} == {503}

@@ -6,6 +6,7 @@ from typing import Any
 
 import httpx
 
+from server.caller import LEASE_HEADER
 from tests.server.contract import API
 
 FAR_AWAY = {"Origin": "https://elsewhere.example"}
@@ -20,7 +21,7 @@ def tour(http: httpx.Client) -> Iterator[httpx.Response]:
     def call_with_bytes(method: str, path: str, body: bytes) -> httpx.Response:
         return http.request(method, API + path, content=body, headers={"Content-Type": "application/json"})
 
-    for name in ("health", "backend", "controller", "mismatch"):
+    for name in ("health", "ready", "backend", "controller", "mismatch"):
         yield call("GET", name)
     estimator = call("GET", "estimator")
     yield estimator
@@ -53,6 +54,23 @@ def tour(http: httpx.Client) -> Iterator[httpx.Response]:
     key = wrench.json()["id"]
     yield call("DELETE", f"wrenches/{key}")
     yield call("DELETE", f"wrenches/{key}")
+
+    yield call("POST", "lease", {"operator": "Ada"})
+    token = {LEASE_HEADER: http.post(f"{API}lease", json={"operator": "Grace", "take_over": True}).json()["token"]}
+    yield call("GET", "lease", headers=token)
+    yield call("PATCH", "command", {"guidance": True})
+    yield call("DELETE", "lease", headers=token)
+
+    yield call("GET", "tasks")
+    yield call("GET", "tasks/current")
+    yield call("POST", "tasks", {"name": "wipe", "options": {"force_n": 15}})
+    yield call("POST", "tasks", {"name": "guidance", "options": {"lead_s": 5}})
+    yield call("POST", "tasks", {"name": "guidance", "options": {}})
+    yield call("POST", "tasks", {"name": "guidance", "options": {"lead_s": 50}})
+    yield call("GET", "tasks/1")
+    yield call("DELETE", "tasks/current")
+    yield call("PATCH", "scene", {"parameters": {"spring_scale": 2.0}})
+    yield call("PATCH", "scene", {"parameters": {}})
 
     yield call("POST", "step", {"ticks": 10})
     call("POST", "run", {"state": "paused"})

@@ -1,9 +1,36 @@
 """A ConsoleSink that keeps what it was told."""
 
+from collections.abc import Mapping
 from typing import Any
 
 from control.command.limits import CommandLimits
 from sim.backends.hardware.status import HardwareStatus
+from sim.tasks.task import SITE_OPTIONS
+
+
+class RecordingTasks:
+    """A TaskSink: one task, which is always at work on `answer`."""
+
+    def __init__(self, calls: list[tuple[str, Any]]) -> None:
+        self._calls = calls
+        self.answer: dict[str, Any] = {}
+
+    def kinds(self) -> list[dict[str, Any]]:
+        number = {"default": 1.0, "minimum": 0.0, "maximum": 2.0, "unit": "N"}
+        site = dict.fromkeys(SITE_OPTIONS, number)
+        return [
+            {"name": name, "scene": "box", "description": "does", "options": {key: number, **site}}
+            for name, key in (("push", "force_n"), ("pull", "time_s"))
+        ]
+
+    def start(self, name: str, options: Mapping[str, float]) -> None:
+        self._calls.append(("start_task", (name, dict(options))))
+
+    def get(self) -> dict[str, Any]:
+        return self.answer
+
+    def abort(self) -> None:
+        self._calls.append(("abort_task", None))
 
 
 class RecordingSink:
@@ -14,6 +41,7 @@ class RecordingSink:
     def __init__(self) -> None:
         self.calls: list[tuple[str, Any]] = []
         self.status: HardwareStatus | None = None
+        self.tasks = RecordingTasks(self.calls)
 
     def available(self) -> dict[str, Any]:
         return {
@@ -46,6 +74,9 @@ class RecordingSink:
 
     def set_scene(self, name: str) -> None:
         self._call("set_scene", name)
+
+    def set_parameters(self, values: Mapping[str, float]) -> None:
+        self._call("set_parameters", dict(values))
 
     def set_backend(self, name: str, **options: Any) -> None:
         self._call("set_backend", (name, options))

@@ -29,6 +29,20 @@ def test_after_release_any_client_may_grab(grab: GrabHandle, sink: RecordingSink
     assert sink.calls[1:] == [("set_drag", None), ("set_drag", (0.5, 0.0, 0.6))]
 
 
+def test_who_is_refused_does_not_keep_the_others_from_the_hand(
+    grab: GrabHandle, sink: RecordingSink, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(_: object) -> None:
+        raise RuntimeError("another drives")
+
+    grab.pull(1, (0.6, 0.0, 0.6))
+    with monkeypatch.context() as patched, pytest.raises(RuntimeError, match="another drives"):
+        patched.setattr(sink, "set_drag", refuse)
+        grab.pull(1, (0.7, 0.0, 0.6))
+    grab.pull(2, (0.5, 0.0, 0.6))
+    assert sink.calls[-1] == ("set_drag", (0.5, 0.0, 0.6))
+
+
 def test_letting_go_without_having_grabbed_does_nothing(grab: GrabHandle, sink: RecordingSink) -> None:
     grab.pull(1, None)
     assert sink.calls == []

@@ -3,6 +3,7 @@
 import asyncio
 import threading
 from collections.abc import Callable, Coroutine
+from contextvars import ContextVar
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -146,6 +147,17 @@ def test_the_snapshot_waits_for_a_slow_edit_however_long_it_takes(clock: list[fl
     clock[0] += EDIT_GRACE_S + 0.01
     binding.sync(snapshot)
     assert widget.value == 1.0
+
+
+def test_a_worker_acts_in_the_name_of_whoever_asked() -> None:
+    asker: ContextVar[str] = ContextVar("asker", default="nobody")
+    worker, seen, done = Worker(), [], threading.Event()
+    for name in ("Ada", "Grace"):
+        asker.set(name)
+        worker.submit(name, lambda: seen.append(asker.get()))
+    worker.submit("last", done.set)
+    assert done.wait(10.0)
+    assert seen == ["Ada", "Grace"]
 
 
 def test_a_worker_runs_only_the_newest_action_of_a_key() -> None:

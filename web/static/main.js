@@ -3,9 +3,13 @@
 import { call } from "./api.js";
 import { hideBanner, showBanner } from "./banners.js";
 import { showEstop, stop } from "./estop.js";
+import { rumble } from "./gamepad.js";
+import { keepLease } from "./lease.js";
 import { watchLink } from "./link.js";
+import { followPilot } from "./pilot.js";
 import { showForces } from "./readout.js";
 import { bindShortcuts, toggleHelp } from "./shortcuts.js";
+import "./sticks.js";
 import { showLimits, showLink, showMode, showState } from "./status_bar.js";
 import { reporting } from "./toast.js";
 
@@ -25,6 +29,9 @@ function onState(state) {
   // A paused simulation may report a fault instead; its clock tells.
   halted = state.mode === "paused" || state.time_s === latest?.time_s;
   latest = state;
+  keepLease();
+  followPilot(state);
+  rumble(state);
   showState(state);
   showForces(state);
   showEstop(state.mode === "estop", state.message, state.drive ? "Press again: the drives stay damped" : "Press again: the robot stands up");

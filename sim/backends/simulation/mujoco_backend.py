@@ -1,6 +1,8 @@
 """The simulated robot behind the Backend protocol: drives, sensors, scenes, mismatch, wrenches and ground truth."""
 
 import math
+from collections.abc import Mapping
+from dataclasses import replace
 
 import mujoco
 import numpy as np
@@ -21,6 +23,28 @@ from sim.scenes import SceneModel
 
 DIVERGED_SPEED = 1000.0
 """m/s or rad/s: no body of a simulation that means anything is as fast."""
+
+_CHANGEABLE = (
+    "body_pos",
+    "body_quat",
+    "body_mass",
+    "body_inertia",
+    "body_ipos",
+    "body_iquat",
+    "bvh_aabb",
+    "dof_armature",
+    "dof_damping",
+    "dof_frictionloss",
+    "geom_aabb",
+    "geom_friction",
+    "geom_pos",
+    "geom_quat",
+    "geom_rbound",
+    "geom_size",
+    "jnt_stiffness",
+    "qpos_spring",
+)
+"""Fields of a model that the parameters of a scene may change while it runs."""
 
 KEYFRAMES = {"stand": NOMINAL_POSITION}
 """Postures (22,) that a reset can start from; the wheels just touch the ground."""
@@ -128,6 +152,11 @@ class MujocoBackend:
         return float(self._data.time)
 
     @property
+    def seed(self) -> int:
+        """That drew the errors of the sensors at the last reset."""
+        return self._seed
+
+    @property
     def scene(self) -> str:
         """Name of the scene."""
         return self._scene.name
@@ -162,6 +191,29 @@ class MujocoBackend:
             ValueError: it names a link that the robot has not; nothing changes.
         """
         self._apply(mismatch)
+
+    def readings(self) -> dict[str, float]:
+        """What can be read off the scene now."""
+        self._update_kinematics()
+        return {reading.name: reading.read(self._data) for reading in self._scene.readings}
+
+    @property
+    def parameters(self) -> Mapping[str, float]:
+        """Of the scene, by name."""
+        return self._scene.values
+
+    def set_parameters(self, values: Mapping[str, float]) -> None:
+        """Change parameters of the scene from the next tick on; the state stays.
+
+        Raises:
+            ValueError: the scene has no such parameter, or not with this value; nothing changes.
+        """
+        scene = scenes.build(self.scene, {**self._scene.values, **values}, rigid=self._scene.rigid)
+        for name in _CHANGEABLE:
+            getattr(self._model, name)[...] = getattr(scene.model, name)
+        self._nominal.apply(self._model, self._mismatch)
+        self._scene = replace(self._scene, values=scene.values, primitives=scene.primitives)
+        self._kinematics_are_current = False
 
     def set_drag(self, target_in_world: np.ndarray | None) -> None:
         """Pull the end effector towards a point (3,) m in world by the drag spring, or let go with None.

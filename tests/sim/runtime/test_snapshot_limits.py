@@ -1,5 +1,6 @@
 """What does not fit into a snapshot is refused with the limit where a session meets it, instead of being cut."""
 
+from collections.abc import Mapping
 from types import SimpleNamespace
 
 import mujoco
@@ -34,14 +35,15 @@ def register_estimators(monkeypatch: pytest.MonkeyPatch, *names: str) -> None:
 
 
 def register_scene(monkeypatch: pytest.MonkeyPatch, name: str, balls: int) -> None:
-    def add_objects(spec: mujoco.MjSpec) -> tuple[str, ...]:
+    def add_objects(spec: mujoco.MjSpec, values: Mapping[str, float]) -> tuple[str, ...]:
         for index in range(balls):
             body = spec.worldbody.add_body(name=f"ball_{index}", pos=[3.0 + index, 0.0, 0.1])
             body.add_freejoint()
             body.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[0.1, 0.0, 0.0])
         return tuple(f"ball_{index}" for index in range(balls))
 
-    monkeypatch.setitem(scenes._SCENES, name, SimpleNamespace(DESCRIPTION="balls", add_objects=add_objects))
+    made = SimpleNamespace(DESCRIPTION="balls", PARAMETERS=(), PADDED=(), readings=tuple, add_objects=add_objects)
+    monkeypatch.setitem(scenes._SCENES, name, made)
 
 
 def test_the_longest_name_survives_a_record_and_a_longer_one_is_refused() -> None:

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from control.command.limits import DEFAULT_COMMAND
+from control.command.self_distance import SelfDistance
 from control.faults import Fault
 from control.joints import ARM_SLICE, JOINT_COUNT, NOMINAL_POSITION
 from control.robot_model import RobotModel
-from control.self_distance import SelfDistance
 from sim.runtime.simulation import Simulation, SimulationConfig
 
 

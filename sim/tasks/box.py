@@ -1,0 +1,116 @@
+"""Box dragging (paper Sec. III.D): press on the box and drag it to and fro by a lateral force alone."""
+
+from collections.abc import Iterator, Mapping
+from typing import ClassVar
+
+import numpy as np
+
+from control.command.limits import CommandLimits
+from control.types import Command
+from sim.scenes.box import CENTER_X_M, MASS_KG, SLIDE_DAMPING, TOP_HEIGHT_M
+from sim.tasks.task import CONTACT_S, Lasting, Option, Phase, reached, require_reach
+from sim.tasks.view import TaskView
+
+PITCH_RAD = 1.0
+TOUCH_N = 3.0
+FREQUENCY_HZ = 0.2
+STIFFNESS = 25.0
+"""N/m, on what the hand still is off the way meant."""
+LARGEST_N = 14.0
+
+
+class Box:
+    """Drags the box by a sine of force that the way asks for."""
+
+    NAME: ClassVar[str] = "box"
+    SCENE: ClassVar[str] = "box"
+    DESCRIPTION: ClassVar[str] = "Press on the box and drag it to and fro"
+    OPTIONS: ClassVar[Mapping[str, Option]] = {
+        "press_n": Option(20.0, 15.0, 30.0, "N"),
+        "travel_m": Option(0.2, 0.05, 0.25, "m"),
+        "periods": Option(2.0, 1.0, 10.0, ""),
+    }
+
+    def __init__(self, options: Mapping[str, float]) -> None:
+        self._press, self._travel, self._periods = options["press_n"], options["travel_m"], options["periods"]
+        self._squares: list[np.ndarray] = []
+        self._start_m, self._places = 0.0, [0.0]
+
+    def check(self, view: TaskView, limits: CommandLimits) -> None:
+        """See Task."""
+        require_reach("the way of the box", self.plan(), view, limits)
+
+    def plan(self) -> np.ndarray:
+        """The way of the box's middle."""
+        return np.array([[CENTER_X_M, side * self._travel, TOP_HEIGHT_M] for side in (-1.0, 1.0)])
+
+    def metrics(self) -> dict[str, float]:
+        """Root mean square of the errors of the estimated forces, and how far the hand went."""
+        lateral, normal = np.sqrt(np.mean(self._squares or [np.full(2, np.nan)], axis=0))
+        return {
+            "force_y_rmse_n": float(lateral),
+            "force_z_rmse_n": float(normal),
+            "y_min_m": min(self._places),
+            "y_max_m": max(self._places),
+        }
+
+    def way(self, elapsed_s: float) -> float:
+        """Where the box is meant to be, m: a sine that grows over its first half period."""
+        share = min(1.0, 2.0 * FREQUENCY_HZ * elapsed_s)
+        ease = share * share * (3.0 - 2.0 * share)
+        return self._travel * ease * float(np.sin(2.0 * np.pi * FREQUENCY_HZ * elapsed_s))
+
+    def force(self, elapsed_s: float, place_m: float) -> float:
+        """Lateral force, N, on the box: what its friction and mass take on the way meant, and a spring to it."""
+        step = 0.02
+        before, now, after = (self.way(max(0.0, elapsed_s + shift)) for shift in (-step, 0.0, step))
+        speed, acceleration = (after - before) / (2.0 * step), (after - 2.0 * now + before) / step**2
+        force = SLIDE_DAMPING * speed + MASS_KG * acceleration + STIFFNESS * (now - place_m)
+        return float(np.clip(force, -LARGEST_N, LARGEST_N))
+
+    def phases(self) -> Iterator[Phase]:
+        """See Task."""
+        above = np.array([CENTER_X_M, 0.0, TOP_HEIGHT_M + 0.05])
+        touching, lifted = Lasting(CONTACT_S), Lasting(0.5)
+
+        def press(view: TaskView, force_n: float) -> Command:
+            return view.command(above, pitch_rad=PITCH_RAD, mask=(0, 0, 1), force_n=(0.0, 0.0, force_n))
+
+        def drag(view: TaskView) -> Command:
+            if view.phase_s < 0.03:
+                self._start_m = float(view.hand_m[1])
+            place = float(view.hand_m[1]) - self._start_m
+            asked = np.array([0.0, -self.force(view.phase_s, place), self._press])
+            if view.phase_s > 0.5:
+                self._squares.append((view.force_n - asked)[1:] ** 2)
+                self._places.append(place)
+            return view.command(above, pitch_rad=PITCH_RAD, mask=(0, 1, 1), force_n=asked)
+
+        def slipped(view: TaskView) -> str | None:
+            return "the contact is lost" if view.force_n[2] < 0.3 * self._press else None
+
+        yield Phase(
+            "approach",
+            lambda view: view.command(above, pitch_rad=PITCH_RAD),
+            lambda view: view.phase_s > 1.5 and reached(view, above),
+            limit_s=6.0,
+            late="the hand does not come above the box",
+            until=0.1,
+        )
+        yield Phase(
+            "touch",
+            lambda view: press(view, TOUCH_N),
+            lambda view: touching(view, view.force_n[2] > 2.0),
+            limit_s=5.0,
+            late="no box is met",
+            until=0.15,
+        )
+        yield Phase("press", lambda view: press(view, self._press), lambda _: False, limit_s=2.0, until=0.25)
+        yield Phase("drag", drag, lambda _: False, limit_s=self._periods / FREQUENCY_HZ, wrong=slipped, until=0.95)
+        yield Phase(
+            "lift",
+            lambda view: view.command(np.array([*view.hand_m[:2], TOP_HEIGHT_M + 0.08]), pitch_rad=PITCH_RAD),
+            lambda view: lifted(view, abs(float(view.force_n[2])) < 2.0 and view.phase_s > 0.5),
+            limit_s=4.0,
+            late="the hand does not come off the box",
+        )

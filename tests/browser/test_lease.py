@@ -1,0 +1,62 @@
+"""Two browsers and a script: one drives, the others see who, and anyone stops."""
+
+from collections.abc import Iterator
+from urllib.error import HTTPError
+
+import pytest
+
+from tests.browser.console_page import Api, Client, eventually
+
+
+@pytest.fixture
+def two(client: Client, second_client: Client, api: Api) -> Iterator[tuple[Client, Client]]:
+    second_client.render(False)
+    yield client, second_client
+    for each in (client, second_client):
+        if each.text("driver") == "you":
+            each.page.get_by_test_id("drive").click()
+    eventually(lambda: api.call("GET", "lease")["operator"] is None, "nobody drives any more")
+
+
+def name_of(client: Client) -> str:
+    return client.page.get_by_test_id("operator-name").input_value()
+
+
+def test_one_drives_the_others_see_who_and_anyone_stops(two: tuple[Client, Client], api: Api) -> None:
+    first, second = two
+    assert first.text("driver") == second.text("driver") == "anyone"
+    first.page.get_by_test_id("drive").click()
+    eventually(lambda: first.text("driver") == "you", "the first drives")
+    eventually(lambda: second.text("driver") == name_of(first), "the second sees who")
+    with pytest.raises(HTTPError, match="409"):
+        api.call("PATCH", "command", {"guidance": True})
+
+    # What the scene's widgets ask for is refused like the page's buttons and the script.
+    second.field("Guidance").click()
+    eventually(
+        lambda: second.viser.get_by_text(f"{name_of(first)} drives").first.is_visible(),
+        "the widget is refused, with who drives",
+    )
+    second.page.get_by_test_id("pause").click()
+    eventually(lambda: name_of(first) in second.page.get_by_role("alert").inner_text(), "the button is refused")
+    first.field("z: force").click()
+    state = api.until(lambda state: state["command"]["mask"] == [0, 0, 1], "the driver's widgets act")
+    assert (state["mode"], state["command"]["guidance"]) == ("running", False)
+
+    second.page.get_by_test_id("drive").click()
+    eventually(lambda: second.text("driver") == "you", "one click takes over")
+    eventually(lambda: first.text("driver") == name_of(second), "the first sees it")
+    second.page.get_by_test_id("pause").click()
+    api.until(lambda state: state["mode"] == "paused", "the new driver's button acts")
+    second.page.get_by_test_id("pause").click()
+
+    first.page.get_by_test_id("estop").click()
+    api.until(lambda state: state["mode"] == "estop", "who watches may stop")
+
+    def cleared() -> bool:
+        button = second.page.get_by_test_id("estop-action")
+        if button.is_visible():
+            button.click()  # twice, within seconds
+        return api.state()["mode"] == "running"
+
+    eventually(cleared, "who drives may clear")

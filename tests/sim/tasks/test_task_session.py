@@ -1,0 +1,98 @@
+"""Tasks in a session: they command, and hold, until an operator does, and what cannot begin is refused."""
+
+import numpy as np
+import pytest
+
+from control.command.limits import DEFAULT_COMMAND
+from control.estimation.registry import EstimatorsConfig
+from control.pipeline import PipelineConfig
+from sim.runtime.session import SessionError
+from sim.runtime.simulation import Simulation, SimulationConfig
+from sim.runtime.snapshot import SETPOINT, SNAPSHOT, command_to_record, named
+from sim.tasks.runner import Outcome
+from sim.trials.task_trial import TaskPlan, play
+
+LIGHT = PipelineConfig("model_based", "adaptive", policies=None, estimators=EstimatorsConfig(weights=None))
+
+
+def simulation(scene: str) -> Simulation:
+    session = Simulation(SimulationConfig(scene, seed=3, pipeline=LIGHT))
+    for _ in range(100):
+        session.tick(DEFAULT_COMMAND)
+    return session
+
+
+def setpoint(sequence: int) -> np.void:
+    record = np.zeros(1, SETPOINT)[0]
+    command_to_record(DEFAULT_COMMAND, record["command"])
+    record["sequence"] = sequence
+    return record
+
+
+def snapshot(session: Simulation) -> np.void:
+    record = np.zeros(1, SNAPSHOT)[0]
+    session.fill(record)
+    return record
+
+
+def test_a_task_commands_until_the_operator_does() -> None:
+    session = simulation("box")
+    session.tick_setpoint(setpoint(7), 0.0)
+    key = session.start_task("box", {}, sequence=7).id
+    for _ in range(200):
+        session.tick_setpoint(setpoint(7), 0.0)
+    seen = snapshot(session)
+    assert seen["task_in_charge"] and seen["task_name"] == b"box" and seen["task_phase"] == b"approach"
+    assert seen["command"]["position_m"][2] < DEFAULT_COMMAND.position_m[2] - 0.1
+    assert named(seen, "reading") == {"box_position_m": 0.0}
+    with pytest.raises(SessionError, match="a task is at work"):
+        session.start_task("box", {}, sequence=7)
+    session.tick_setpoint(setpoint(8), 0.0)
+    seen = snapshot(session)
+    assert not seen["task_in_charge"]
+    np.testing.assert_array_equal(seen["command"]["position_m"], DEFAULT_COMMAND.position_m)
+    told = session.task_fields(key)
+    assert (told["outcome"], told["reason"]) == ("aborted", "the operator took over")
+
+
+def test_an_aborted_task_holds_and_a_reset_or_the_estop_ends_it() -> None:
+    session = simulation("box")
+    session.start_task("box", {})
+    for _ in range(50):
+        session.tick_setpoint(setpoint(0), 0.0)
+    assert session.abort_task()["outcome"] == "aborted"
+    for _ in range(1000):
+        session.tick_setpoint(setpoint(0), 0.0)
+    assert session.tasks.in_charge and not session.tasks.running
+    with pytest.raises(KeyError, match="no task is at work"):
+        session.abort_task()
+    second = session.start_task("box", {})
+    session.estop()
+    assert second.runner.outcome == Outcome.ABORTED and second.runner.reason == "the e-stop was pressed"
+    with pytest.raises(SessionError, match="e-stop"):
+        session.start_task("box", {})
+    session.clear_estop()
+    session.reset()
+    assert not session.tasks.in_charge
+
+
+def test_what_cannot_begin_here_is_refused() -> None:
+    session = simulation("box")
+    with pytest.raises(SessionError, match=r"'valve' needs scene 'valve', this is 'box'"):
+        session.start_task("valve", {})
+    with pytest.raises(ValueError, match="no task 'dance'"):
+        session.start_task("dance", {})
+    with pytest.raises(SessionError, match="out of reach"):
+        session.start_task("box", {"site_x_m": 1.0})
+    with pytest.raises(KeyError, match="no task has been begun"):
+        session.task_fields()
+
+
+@pytest.mark.slow
+def test_the_board_is_wiped_on_estimates_alone() -> None:
+    plan = TaskPlan("wipe", seed=5, controller="model_based", options={"loops": 1.0, "period_s": 6.0})
+    trace = play(plan)
+    assert trace.outcome == Outcome.SUCCEEDED, trace.reason
+    assert trace.readings["wiped_share"][-1] > 0.9
+    assert trace.metrics["force_rmse_n"] < 1.5
+    assert not trace.touched
