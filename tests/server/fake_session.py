@@ -2,6 +2,7 @@
 
 import os
 import time
+from collections.abc import Mapping
 from types import SimpleNamespace
 from typing import Any
 
@@ -28,7 +29,7 @@ class FakeSession(Simulation):
         self.ticks = 0
         self.ages_s: list[float] = []
         self.calls: list[tuple[Any, ...]] = []
-        self.scene = self.config.scene
+        self.loaded = self.config.scene
         self.latched = False
         self.pipeline = SimpleNamespace(controller_names=("model_based",), estimator_names=("adaptive",))
         self._backend = SimpleNamespace(close=lambda: None)
@@ -37,13 +38,17 @@ class FakeSession(Simulation):
         self.dragged = False
 
     @property
+    def scene(self) -> str:
+        return self.loaded
+
+    @property
     def mode(self) -> Mode:
         return Mode.ESTOP if self.latched else Mode.RUNNING
 
     def tick_setpoint(self, setpoint: np.void, age_s: float) -> None:
-        if self.scene == "broken":
+        if self.loaded == "broken":
             raise BackendError("the simulation diverged; reset it")
-        if self.scene == "slow":
+        if self.loaded == "slow":
             time.sleep(0.004)
         self.ticks += 1
         self.time_s += TICK_S
@@ -58,7 +63,7 @@ class FakeSession(Simulation):
     def fill(self, record: np.void) -> None:
         record["time_s"] = self.time_s
         record["mode"] = self.mode
-        record["scene"] = self.scene
+        record["scene"] = self.loaded
         record["controller"] = "model_based"
         record["estimator"] = "adaptive"
         record["command_sequence"] = self.command_sequence
@@ -66,10 +71,10 @@ class FakeSession(Simulation):
     def reset(self, seed: int | None = None, keyframe: str = "stand") -> None:
         self.calls.append(("reset", seed, keyframe))
         self.time_s = 0.0
-        self.scene = "free"
+        self.loaded = "free"
 
-    def set_scene(self, name: str) -> None:
-        self.scene = name
+    def set_scene(self, name: str, parameters: Mapping[str, float] | None = None, rigid: bool = False) -> None:
+        self.loaded = name
 
     def select_controller(self, name: str) -> None:
         if name == "suicide":
