@@ -67,7 +67,7 @@ def watched_stages(session: Simulation) -> list[Stage]:
         ("sensor errors", EVERY_TICK, SensorModel, "measure"),
         ("drives and the rest of the backend", EVERY_TICK, session.backend, "write"),
         ("base state", EVERY_TICK, pipeline._base_state, "step"),
-        ("model terms", EVERY_TICK, pipeline.model, "update"),
+        ("model terms", EVERY_TICK, pipeline.model, "update_velocity"),
         ("safety gate", EVERY_TICK, pipeline._safety, "step"),
         ("rest of the pipeline", EVERY_TICK, Pipeline, "step"),
         ("controller", Job.CONTROLLER.name, Pipeline, "_control"),

@@ -17,14 +17,15 @@ _COMMAND = np.dtype((np.record, COMMAND))
 
 
 def _numbers_layout() -> np.dtype:
-    fields = {name: SNAPSHOT[name] for name in SNAPSHOT.names or () if SNAPSHOT[name].base.kind != "S"}
+    all_fields = (SNAPSHOT.fields or {}).items()
+    fields = {name: (layout, offset) for name, (layout, offset, *_) in all_fields if layout.base.kind != "S"}
     return np.dtype(
         (
             np.record,
             {
                 "names": [*fields],
-                "formats": [_known(layout) for layout in fields.values()],
-                "offsets": [(SNAPSHOT.fields or {})[name][1] for name in fields],
+                "formats": [_known(layout) for layout, _ in fields.values()],
+                "offsets": [offset for _, offset in fields.values()],
                 "itemsize": SNAPSHOT.itemsize,
             },
         )
