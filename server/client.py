@@ -226,7 +226,7 @@ class Console:
                 while True:
                     yield State(json.loads(socket.recv(timeout=self._timeout_s)))
         except InvalidStatus as error:
-            raise _error(error.response.status_code, error.response.body or b"") from None
+            raise _error(error.response.status_code, bytes(error.response.body or b"")) from None
         except (OSError, WebSocketException) as error:
             raise UnreachableError(f"the stream of {self.address} has ended: {error}") from None
 

@@ -9,7 +9,7 @@ tried in the other. One step is a control period of 20 ms.
 import queue
 import threading
 from dataclasses import replace
-from typing import Any, ClassVar
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -102,7 +102,10 @@ class FullStackEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         render_mode: None or "rgb_array".
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array"], "render_fps": round(1.0 / CONTROL_PERIOD_S)}
+    metadata: dict[str, Any] = {  # noqa: RUF012
+        "render_modes": ["rgb_array"],
+        "render_fps": round(1.0 / CONTROL_PERIOD_S),
+    }
     observation_space = OBSERVATION_SPACE
     action_space = ACTION_SPACE
     scene = "free"
@@ -199,10 +202,10 @@ class GuidanceEnv(FullStackEnv):
         return float(np.exp(-((np.linalg.norm(self.session.truth().force_true_n) / 8.0) ** 2)))
 
 
-for _name, _env, _vector in (("Press", PressEnv, "make_press"), ("Guidance", GuidanceEnv, "make_guidance")):
+for _name in ("Press", "Guidance"):
     gymnasium.register(
         f"Forcelens/{_name}-v0",
-        entry_point=_env,
-        vector_entry_point=f"sim.gym_vector:{_vector}",
+        entry_point=f"sim.gym:{_name}Env",
+        vector_entry_point=f"sim.gym_vector:make_{_name.lower()}",
         max_episode_steps=EPISODE_STEPS,
     )

@@ -6,7 +6,7 @@ from pathlib import Path
 from server.client import Console, RefusedError
 from server.examples.picture import COMMANDED, figure, run_example
 
-PAUSE_S = 0.6
+PAUSE_S = 0.5
 
 
 def two_operators(ada: Console, picture: Path) -> None:

@@ -14,8 +14,9 @@ CHECKS = {
     "status_code_conformance": "a status that the document does not tell",
     "response_schema_conformance": "an answer unlike its schema",
 }
-LEFT_OUT = ("put_backend", "restart_control")
-"""They start another control process, which `soak_attacks.KILLS` does; thousands of calls would wait for it."""
+LEFT_OUT = ("put_backend", "restart_control", "take_lease")
+"""The first two start another control process, which `soak_attacks.KILLS` does; thousands of calls would wait for it. With the
+lease taken, all other calls would be refused."""
 
 START_S = 60.0
 

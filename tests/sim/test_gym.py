@@ -61,7 +61,7 @@ def test_the_same_seed_leads_to_the_same_bytes(env: Any) -> None:
 def test_what_is_asked_happens(env: Any) -> None:
     assert isinstance(env.unwrapped, FullStackEnv)
     env.reset(seed=1)
-    rewards = []
+    rewards, info = [], {}
     for _ in range(75):
         _, reward, terminated, _, info = env.step(np.zeros(22, np.float32))
         rewards.append(reward)

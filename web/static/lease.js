@@ -4,6 +4,7 @@ import { call } from "./api.js";
 import { reporting, toast } from "./toast.js";
 
 const PERIOD_MS = 1000;
+const TIMEOUT_MS = 3000;
 const NAME_KEY = "forcelens-operator";
 const WORDS = { free: "anyone", ours: "you" };
 const LABELS = { free: "Drive", ours: "Release", theirs: "Take over" };
@@ -21,6 +22,14 @@ document.getElementById("help").before(button);
 
 let lease = { operator: null, yours: false };
 let asked = -Infinity;
+let calls = Promise.resolve();
+
+/** One after the other: a renewal that overtakes a release would take the lease again. */
+function inOrder(job) {
+  const done = calls.then(job);
+  calls = done.catch(() => {});
+  return done;
+}
 
 let ownName = stored() ?? `Operator ${100 + Math.floor(900 * Math.random())}`;
 
@@ -59,33 +68,36 @@ function show() {
 
 /** Ask who drives, and while that is this page, renew the lease. */
 async function refresh() {
-  asked = performance.now();
-  if (lease.yours) await call("POST", "lease", { operator: ownName }).catch(() => {});
+  if (lease.yours) await call("POST", "lease", { operator: ownName }, TIMEOUT_MS).catch(() => {});
   const before = lease;
-  lease = await call("GET", "lease");
+  lease = await call("GET", "lease", undefined, TIMEOUT_MS);
   if (before.yours && !lease.yours) toast(lease.operator ? `${lease.operator} has taken over. The base has stopped.` : "You no longer drive alone.");
   show();
 }
 
 async function press() {
   if (state() === "ours") {
-    await call("DELETE", "lease");
+    await call("DELETE", "lease", undefined, TIMEOUT_MS);
     lease = { operator: null, yours: false };
   } else {
-    await call("POST", "lease", { operator: ownName, take_over: state() === "theirs" });
+    await call("POST", "lease", { operator: ownName, take_over: state() === "theirs" }, TIMEOUT_MS);
   }
   await refresh();
 }
 
 /** Call with every message of the stream: timers sleep in a page that is not in front, and its operator would lose the lease. */
 export function keepLease() {
-  if (performance.now() - asked > PERIOD_MS) refresh().catch(() => {});
+  if (performance.now() - asked < PERIOD_MS) return;
+  asked = Infinity;
+  inOrder(refresh)
+    .catch(() => {})
+    .finally(() => (asked = performance.now()));
 }
 
 /** Take the lease if nobody holds it. Throws where another drives. */
 export async function claim() {
   if (state() === "theirs") throw new Error(`${lease.operator} drives. Take over first.`);
-  if (state() === "free") await press();
+  await inOrder(() => (state() === "free" ? press() : undefined));
 }
 
 function fact(term, id) {
@@ -115,6 +127,6 @@ function nameField() {
   document.querySelector("#shortcuts form").before(label);
 }
 
-button.onclick = () => reporting(press);
+button.onclick = () => reporting(() => inOrder(press));
 nameField();
 show();
