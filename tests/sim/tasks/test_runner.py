@@ -9,9 +9,10 @@ import pytest
 from control.command.limits import DEFAULT_COMMAND, CommandLimits
 from control.faults import Fault
 from control.frames import rotation_z
-from control.types import Command
+from control.types import Command, Odometry
 from sim.tasks import TASKS, chosen_options, options_of
 from sim.tasks.runner import BACK_OFF_M, BACK_OFF_S, Outcome, TaskRunner
+from sim.tasks.standstill import Standstill
 from sim.tasks.task import Lasting, Phase, RunningMean, TaskRefusedError, require_reach
 from sim.tasks.view import Site, TaskView
 
@@ -172,6 +173,20 @@ def test_a_contact_must_last() -> None:
         False,
         True,
     ]
+
+
+def test_a_base_at_rest_stays_where_it_was_and_one_that_drives_follows_its_odometry() -> None:
+    standstill = Standstill()
+    still, driving = np.zeros(3), np.array([0.2, 0.0, 0.0])
+
+    def step(x_m: float, velocity: np.ndarray, time_s: float) -> float:
+        return float(standstill.step(Odometry(np.array([x_m, 0.0]), 0.0, 0.0), velocity, time_s)[0])
+
+    assert step(0.01, still, 1.0) == 0.0
+    assert step(0.05, driving, 1.02) == pytest.approx(0.04)
+    assert step(0.08, still, 1.2) == pytest.approx(0.07)
+    assert step(0.30, still, 3.0) == pytest.approx(0.07)
+    assert step(0.35, driving, 3.02) == pytest.approx(0.12)
 
 
 def test_a_mean_of_nothing_is_not_a_number() -> None:
