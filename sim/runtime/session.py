@@ -105,6 +105,7 @@ class Session(Generic[BackendT]):
         self._output = self.pipeline.step(self._sensor, command, command_age_s)
         self._backend.write(self._output.joint_command)
         self.time_s += TICK_S
+        self.tasks.observe(self._output, self.time_s)
         return self._output
 
     def tick_setpoint(self, setpoint: np.void, age_s: float) -> None:
@@ -292,6 +293,7 @@ class Session(Generic[BackendT]):
 
     def _reset_pipeline(self) -> None:
         self.tasks.drop("the robot was put back")
+        self.tasks.restart()
         latched = self.pipeline.estop_latched
         self.pipeline.reset()
         if latched:  # only clear_estop clears it

@@ -15,6 +15,7 @@ from control.timing import TICK_S, Job, due
 from control.types import Command
 from sim.tasks import TASKS, chosen_options
 from sim.tasks.runner import Outcome, TaskRunner
+from sim.tasks.standstill import Standstill
 from sim.tasks.task import TaskRefusedError
 from sim.tasks.view import Site, look
 
@@ -43,6 +44,18 @@ class TaskDesk:
         self._records: list[TaskRecord] = []
         self._command: Command | None = None
         self.in_charge = False
+        self.restart()
+
+    def restart(self) -> None:
+        """The odometry begins anew."""
+        self._standstill = Standstill()
+        self._position_m = np.zeros(2)
+
+    def observe(self, output: PipelineOutput, time_s: float) -> None:
+        """Follow the base, also between tasks; after every tick."""
+        if due(Job.REFERENCES, round(time_s / TICK_S)):
+            velocity = output.applied_command.base_velocity
+            self._position_m = self._standstill.step(output.odometry, velocity, time_s)
 
     @property
     def current(self) -> TaskRecord | None:
@@ -91,7 +104,7 @@ class TaskDesk:
         if output.safety.damping:
             raise TaskRefusedError("the drives damp; clear what stopped the robot first")
         site = Site(chosen["site_x_m"], chosen["site_y_m"], chosen["site_yaw_rad"])
-        view, task = look(output, time_s, site), kind(chosen)
+        view, task = look(output, self._position_m, time_s, site), kind(chosen)
         task.check(view, self._limits)
         record = TaskRecord(next(self._ids), name, chosen, TaskRunner(task, view), site)
         self._records = [*self._records[-_KEPT + 1 :], record]
@@ -103,14 +116,14 @@ class TaskDesk:
         record = self.current
         assert record is not None
         if self._command is None or due(Job.REFERENCES, round(time_s / TICK_S)):
-            self._command = record.runner.step(look(output, time_s, record.site))
+            self._command = record.runner.step(look(output, self._position_m, time_s, record.site))
         return self._command
 
     def abort(self, output: PipelineOutput, time_s: float, reason: str) -> None:
         """Stop the task at work, which backs off and holds."""
         record = self.current
         if record is not None and self.in_charge:
-            record.runner.abort(look(output, time_s, record.site), reason)
+            record.runner.abort(look(output, self._position_m, time_s, record.site), reason)
 
     def hand_over(self, output: PipelineOutput, time_s: float, reason: str = TOOK_OVER) -> None:
         """Somebody else commands from now on: an operator, or nobody after an e-stop."""

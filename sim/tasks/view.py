@@ -109,10 +109,10 @@ def tool(pitch_rad: float, yaw_rad: float = 0.0) -> np.ndarray:
     return np.array([cy * cp, -sy * sp, cy * sp, sy * cp])
 
 
-def look(output: PipelineOutput, time_s: float, site: Site) -> TaskView:
-    """The view after a tick that gave `output`, at the beginning of a phase."""
+def look(output: PipelineOutput, position_m: np.ndarray, time_s: float, site: Site) -> TaskView:
+    """The view after a tick that gave `output`, of a base at `position_m` (2,) in the odometry, at the beginning of a phase."""
     odometry, hand = output.odometry, output.hand
-    position = (odometry.position_m - [site.x_m, site.y_m]) @ rotation_z(site.yaw_rad)[:2, :2]
+    position = (position_m - [site.x_m, site.y_m]) @ rotation_z(site.yaw_rad)[:2, :2]
     yaw = odometry.yaw_rad - site.yaw_rad
     turn = rotation_z(yaw)
     return TaskView(

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
@@ -9,10 +10,11 @@ import pytest
 from control.command.limits import DEFAULT_COMMAND, CommandLimits
 from control.faults import Fault
 from control.frames import rotation_z
-from control.types import Command
+from control.types import Command, Odometry
 from sim.tasks import TASKS, chosen_options, options_of
 from sim.tasks.runner import BACK_OFF_M, BACK_OFF_S, Outcome, TaskRunner
-from sim.tasks.task import Lasting, Phase, RunningMean, TaskRefusedError, require_reach
+from sim.tasks.standstill import Standstill
+from sim.tasks.task import Lasting, Option, Phase, RunningMean, TaskRefusedError, require_reach
 from sim.tasks.view import Site, TaskView
 
 VIEW = TaskView(
@@ -35,10 +37,12 @@ PUSH = replace(DEFAULT_COMMAND, mask=np.array([1.0, 0.0, 0.0]), force_n=np.array
 class Played:
     """A task of given phases."""
 
-    NAME, SCENE, DESCRIPTION = "played", "", ""
-    OPTIONS: Mapping[str, object] = {}
+    NAME: ClassVar[str] = "played"
+    SCENE: ClassVar[str] = ""
+    DESCRIPTION: ClassVar[str] = ""
+    OPTIONS: ClassVar[Mapping[str, Option]] = {}
 
-    def __init__(self, *phases: Phase) -> None:
+    def __init__(self, options: Mapping[str, float], *phases: Phase) -> None:
         self._phases = phases
 
     def check(self, view: TaskView, limits: CommandLimits) -> None: ...
@@ -57,11 +61,11 @@ def push(_: TaskView) -> Command:
     return PUSH
 
 
-def phase(name: str = "push", done: Callable[[TaskView], bool] = lambda _: False, **fields: object) -> Phase:
-    return Phase(name, push, done, **{"limit_s": 1.0, **fields})  # pyright: ignore[reportArgumentType]
+def phase(name: str = "push", done: Callable[[TaskView], bool] = lambda _: False, **fields: Any) -> Phase:
+    return Phase(name, push, done, **{"limit_s": 1.0, **fields})
 
 
-def at(time_s: float, force_n: float = 0.0, **fields: object) -> TaskView:
+def at(time_s: float, force_n: float = 0.0, **fields: Any) -> TaskView:
     """The view at a time, with a force along x."""
     force = np.array([force_n, 0.0, 0.0])
     return replace(VIEW, time_s=time_s, force_n=force, force_in_heading_n=force, **fields)
@@ -72,7 +76,7 @@ def holds(command: Command) -> bool:
 
 
 def test_phases_follow_one_another_and_success_is_held() -> None:
-    runner = TaskRunner(Played(phase("touch", lambda v: v.force_n[0] < -2.0, until=0.5), phase("press")), VIEW)
+    runner = TaskRunner(Played({}, phase("touch", lambda v: v.force_n[0] < -2.0, until=0.5), phase("press")), VIEW)
     assert runner.step(at(0.1)) is PUSH and runner.phase == "touch"
     runner.step(at(0.2, -3.0))
     assert runner.phase == "press" and runner.progress == pytest.approx(0.5)
@@ -84,7 +88,7 @@ def test_phases_follow_one_another_and_success_is_held() -> None:
 
 
 def test_what_comes_too_late_fails_with_its_reason_and_backs_off_along_the_contact() -> None:
-    runner = TaskRunner(Played(phase(late="no wall is met")), VIEW)
+    runner = TaskRunner(Played({}, phase(late="no wall is met")), VIEW)
     runner.step(at(0.5, -8.0))
     command = runner.step(at(1.1, -8.0))
     assert runner.outcome == Outcome.FAILED and runner.reason == "push: no wall is met"
@@ -100,7 +104,7 @@ def test_what_is_wrong_must_last() -> None:
     def lost(view: TaskView) -> str | None:
         return None if view.force_n[0] < -1.0 else "the contact is lost"
 
-    runner = TaskRunner(Played(phase(limit_s=9.0, wrong=lost, patience_s=0.5)), VIEW)
+    runner = TaskRunner(Played({}, phase(limit_s=9.0, wrong=lost, patience_s=0.5)), VIEW)
     for time_s, force in ((0.1, -5.0), (0.2, 0.0), (0.6, 0.0), (0.65, -5.0), (0.7, 0.0), (1.1, 0.0)):
         runner.step(at(time_s, force))
     assert runner.outcome == Outcome.RUNNING
@@ -110,7 +114,7 @@ def test_what_is_wrong_must_last() -> None:
 
 def test_what_can_be_recovered_from_backs_off_and_goes_on() -> None:
     told: list[str] = []
-    runner = TaskRunner(Played(phase(late="no wall is met", recover=told.append, until=0.5), phase("again")), VIEW)
+    runner = TaskRunner(Played({}, phase(late="no wall is met", recover=told.append, until=0.5), phase("again")), VIEW)
     command = runner.step(at(1.1, -8.0))
     assert told == ["push: no wall is met"] and runner.outcome == Outcome.RUNNING
     assert runner.phase == "back off" and holds(command)
@@ -126,15 +130,15 @@ def test_what_can_be_recovered_from_backs_off_and_goes_on() -> None:
         ({"faults": Fault.STALE_SETPOINT}, "fallen silent"),
     ],
 )
-def test_trouble_ends_any_task(trouble: dict[str, object], reason: str) -> None:
-    runner = TaskRunner(Played(phase(limit_s=9.0, patience_s=0.1)), VIEW)
+def test_trouble_ends_any_task(trouble: dict[str, Any], reason: str) -> None:
+    runner = TaskRunner(Played({}, phase(limit_s=9.0, patience_s=0.1)), VIEW)
     runner.step(at(0.1, **trouble))
     runner.step(at(0.3, **trouble))
     assert runner.outcome == Outcome.FAILED and reason in runner.reason
 
 
 def test_an_aborted_task_backs_off_and_stays_aborted() -> None:
-    runner = TaskRunner(Played(phase(limit_s=9.0)), VIEW)
+    runner = TaskRunner(Played({}, phase(limit_s=9.0)), VIEW)
     runner.abort(at(0.4, -5.0), "it was aborted")
     assert holds(runner.step(at(0.5)))
     runner.abort(at(0.6), "once more")
@@ -174,6 +178,20 @@ def test_a_contact_must_last() -> None:
     ]
 
 
+def test_a_base_at_rest_stays_where_it_was_and_one_that_drives_follows_its_odometry() -> None:
+    standstill = Standstill()
+    still, driving = np.zeros(3), np.array([0.2, 0.0, 0.0])
+
+    def step(x_m: float, velocity: np.ndarray, time_s: float) -> float:
+        return float(standstill.step(Odometry(np.array([x_m, 0.0]), 0.0, 0.0), velocity, time_s)[0])
+
+    assert step(0.01, still, 1.0) == 0.0
+    assert step(0.05, driving, 1.02) == pytest.approx(0.04)
+    assert step(0.08, still, 1.2) == pytest.approx(0.07)
+    assert step(0.30, still, 3.0) == pytest.approx(0.07)
+    assert step(0.35, driving, 3.02) == pytest.approx(0.12)
+
+
 def test_a_mean_of_nothing_is_not_a_number() -> None:
     mean = RunningMean(2)
     assert np.isnan(mean()).all()
@@ -201,7 +219,7 @@ def test_every_task_says_what_it_takes_and_refuses_what_it_does_not(name: str) -
 
 @pytest.mark.parametrize(("plan", "reason"), [((0.0, 0.0, 0.0), "empty"), ((3.0, 1.0, 0.0), "door must come last")])
 def test_a_plan_that_cannot_be_played_is_refused(plan: tuple[float, float, float], reason: str) -> None:
-    options = dict(zip(("first", "second", "third"), plan, strict=True))
+    options: dict[str, float] = dict(zip(("first", "second", "third"), plan, strict=True))
     with pytest.raises(TaskRefusedError, match=reason):
         TASKS["sequence"](chosen_options("sequence", options)).check(VIEW, CommandLimits())
 
