@@ -41,8 +41,8 @@ class HandLoadPanel:
             self.center = gui.add_vector3(
                 "Tool centre [m]",
                 (0.0, 0.0, 0.0),
-                min=(-MAX_TOOL_CENTER_M,) * 3,
-                max=(MAX_TOOL_CENTER_M,) * 3,
+                min=np.full(3, -MAX_TOOL_CENTER_M),
+                max=np.full(3, MAX_TOOL_CENTER_M),
                 step=0.005,
                 hint="Of mass, in the hand's frame.",
             )

@@ -152,7 +152,7 @@ class PushPanel:
             return
 
         @self._server.scene.on_click()
-        async def _(event: viser.SceneClickEvent) -> None:
+        def _(event: viser.SceneClickEvent) -> None:
             if self.choose(np.array(event.ray_origin), np.array(event.ray_direction)):
                 self._picking(False)
             else:
