@@ -106,6 +106,29 @@ class Pipeline:
         shown_slots: slot of the timetable in which each estimator but the selected one is shown.
     """
 
+    STATE = (
+        "model",
+        "_base_state",
+        "_odometry",
+        "_estimators",
+        "_controllers",
+        "_filter",
+        "_guidance",
+        "_safety",
+        "_failures",
+        "controller_name",
+        "estimator_name",
+        "shown_slots",
+        "_tick",
+        "_estimates",
+        "_applied",
+        "_asked",
+        "_clipped",
+        "_limited",
+        "_starting",
+        "_controller_reset_due",
+    )
+
     def __init__(self, config: PipelineConfig) -> None:
         self.config = config
         self.model = RobotModel()

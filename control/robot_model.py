@@ -59,6 +59,28 @@ class RobotModel:
         imu_position_in_base: (3,) m.
     """
 
+    STATE = ()
+    SCRATCH = (
+        "_data",
+        "mass_matrix",
+        "coriolis_matrix",
+        "_joint_jacobian",
+        "_arm_rotations",
+        "_arm_positions",
+        "_frame_positions",
+        "_end_effector_rotation",
+        "_configuration",
+        "_rotation",
+        "_heading",
+        "velocity",
+        "momentum",
+        "momentum_drift",
+        "gravity",
+        "_points",
+        "_wrench_jacobian",
+        "_geometry_fresh",
+    )
+
     def __init__(self, mjcf: Path = ROBOT_MJCF) -> None:
         """Build the model.
 
@@ -157,6 +179,10 @@ class RobotModel:
         pin.computeJointJacobians(self._model, self._data, self._configuration)
         pin.updateFramePlacements(self._model, self._data)
         self._geometry_fresh = False
+
+    def unpack_state(self) -> None:
+        """Nothing here is carried on, but the next update must not think that it was made already."""
+        self._configuration[3:] = math.nan
 
     @property
     def rotation_base_to_world(self) -> np.ndarray:

@@ -134,6 +134,9 @@ def wheels_in_cones(rotation_heading_to_world: np.ndarray, friction: float, wren
 class AdaptiveEstimator(ProjectingEstimator):
     """Fast observer, force-only prior on the end effector, and adaptation of masses and frictions."""
 
+    STATE = ("_adaptation",)
+    SCRATCH = ("_trusted", "_forces")
+
     def __init__(self, model: RobotModel, config: AdaptiveConfig, period_s: float) -> None:
         """`period_s` is the tick length; `model` like the one that every tick's input carries."""
         super().__init__(MomentumResidual(config.gains, period_s, with_friction=True))

@@ -75,6 +75,9 @@ class MomentumResidual:
     is not finite leaves no residual, and the observer starts over at the next one.
     """
 
+    STATE = ("_observer", "_drift", "_inputs")
+    SCRATCH = ("_friction", "_momentum_inputs")
+
     def __init__(self, gains: ObserverGains, period_s: float, with_friction: bool) -> None:
         """Args:
         gains: of the observer.

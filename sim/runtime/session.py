@@ -41,6 +41,20 @@ class Session(Generic[BackendT]):
         SnapshotLimitError: the pipeline's names or their number do not fit into a snapshot.
     """
 
+    STATE = (
+        "_backend",
+        "pipeline",
+        "_error_power",
+        "_command_sequence",
+        "_asked",
+        "_asked_command",
+        "_sensor",
+        "_output",
+        "time_s",
+        "_command",
+        "_unheard_sequence",
+    )
+
     def __init__(self, backend: BackendT, pipeline: PipelineConfig | None = None) -> None:
         self._backend = backend
         backend.open()

@@ -19,6 +19,9 @@ _CONTACT_THRESHOLD_N = 1e-6
 class GroundTruthReader:
     """Ground truth of one world."""
 
+    STATE = ()
+    SCRATCH = ("_data", "_geom_axis_y", "_contact_force")
+
     def __init__(
         self, model: mujoco.MjModel, data: mujoco.MjData, robot_bodies: tuple[str, ...], movable_bodies: tuple[str, ...]
     ) -> None:

@@ -22,12 +22,18 @@ from sim.scenes import SceneModel
 DIVERGED_SPEED = 1000.0
 """m/s or rad/s: no body of a simulation that means anything is as fast."""
 
+PHYSICS = mujoco.mjtState.mjSTATE_INTEGRATION
+"""What MuJoCo integrates from: besides positions and velocities the start of its solver and the applied forces."""
+
 KEYFRAMES = {"stand": NOMINAL_POSITION}
 """Postures (22,) that a reset can start from; the wheels just touch the ground."""
 
 
 class MujocoBackend:
     """One robot in one scene. `read` and `write` as in sim.backends.protocol; the rest is for simulation only."""
+
+    STATE = ("_physics", "_mismatch", "_seed", "_sensors", "_ideal_sensors", "wrenches", "_frame")
+    SCRATCH = ("_data", "_qvel", "_drives", "_truth", "_nominal", "_kinematics_are_current")
 
     name = "simulation"
 
@@ -145,6 +151,17 @@ class MujocoBackend:
         """
         self._load(scenes.build(scene) if isinstance(scene, str) else scene)
 
+    def pack_state(self) -> None:
+        """Take MuJoCo's state."""
+        mujoco.mj_getState(self._model, self._data, self._physics, PHYSICS)
+
+    def unpack_state(self) -> None:
+        """Put MuJoCo's state back, and the masses that it had. Its contacts are found again by the next tick only."""
+        self._nominal.apply(self._model, self._mismatch)
+        mujoco.mj_setState(self._model, self._data, self._physics, PHYSICS)
+        self._kinematics_are_current = False
+        self._update_kinematics()
+
     @property
     def mismatch(self) -> Mismatch:
         """What the simulated robot differs by from its nominal model."""
@@ -183,6 +200,7 @@ class MujocoBackend:
         self._positions = np.array([model.joint(joint).qposadr[0] for joint in JOINT_NAMES])
         data = self._data = mujoco.MjData(model)
         self._qvel = data.qvel
+        self._physics = np.empty(mujoco.mj_stateSize(model, PHYSICS))
         self._drives, self._ideal_sensors = Drives(model, data), IdealSensors(model, data)
         self.wrenches = AppliedWrenches(model, data)
         self._truth = GroundTruthReader(model, data, self._scene.robot_bodies, self._scene.movable_bodies)
