@@ -6,6 +6,7 @@ Running, pausing and stepping are the loop's own (server.run_control); everythin
 import gc
 import logging
 import time
+from collections.abc import Callable
 from multiprocessing.connection import Connection
 from typing import Any
 
@@ -14,13 +15,15 @@ import numpy as np
 from control.timing import CONTROL_PERIOD_S, TICK_S, Job, due
 from server.estop_lane import EstopLane
 from server.event_port import EventPort
+from server.history_events import BRANCH, HISTORY_EVENTS, HistoryEvents
 from server.messages import Event, Outcome, Reply
 from server.pacing import Pacer
 from server.run_control import RunControl
-from server.session_events import SLOW_EVENTS, EventError, SessionEvents
+from server.session_events import READING_EVENTS, SLOW_EVENTS, EventError, SessionEvents
 from server.setpoint import default_setpoint, released
 from sim.backends.protocol import Backend, BackendError
 from sim.processes.shared_record import SharedRecord
+from sim.runtime.history import History
 from sim.runtime.session import Session
 from sim.runtime.simulation import Simulation
 from sim.runtime.snapshot import SNAPSHOT, Mode
@@ -29,6 +32,7 @@ NOTED_HOLD_S = 0.05
 
 _RESTARTING = frozenset({"reset", "set_scene"})
 _CLEAR = "clear_estop"
+_ERRORS_TRACKED = {"interval_s": CONTROL_PERIOD_S}
 _SEEN_AFTER_A_TICK = _RESTARTING | {_CLEAR}
 """A hold makes one tick after these, so that the new state is seen."""
 
@@ -63,6 +67,8 @@ class ControlLoop:
     ) -> None:
         self._session = session
         self._events = SessionEvents(session)
+        self._history = History(session) if isinstance(session, Simulation) else None
+        self._history_events = HistoryEvents(session, self._history)
         self._state = state
         self._setpoints = setpoints
         self._estops = estops
@@ -112,6 +118,7 @@ class ControlLoop:
         asked = self._estops.asked
         try:
             self._session.estop()
+            self._happened(self._session.estop, {})
         except BackendError:
             _log.exception("the backend did not take the e-stop")
         self._end_step("the e-stop was pressed")
@@ -129,18 +136,22 @@ class ControlLoop:
 
     def _tick(self) -> None:
         setpoint = (released(self._setpoint) if self._setpoint[0]["sequence"] == self._void_sequence else self._setpoint)[0]
+        age_s = _age_s(setpoint)
         try:
-            self._session.tick_setpoint(setpoint, _age_s(setpoint))
+            self._session.tick_setpoint(setpoint, age_s)
         except BackendError as error:
             _log.error("the backend failed: %s", error)
             self._failure = str(error)
             self._urgent_publish = True
             self._end_step(self._failure)
             return
+        if self._history is not None:
+            self._history.ticked(setpoint, age_s)
         self._idle = 0
         self._ticks = round(self._session.time_s / TICK_S)
         if due(Job.LIVE_ERRORS, self._ticks - 1):
             self._session.track_errors(CONTROL_PERIOD_S)
+            self._happened(self._session.track_errors, _ERRORS_TRACKED)
         step = self._run.ticked()
         if step is not None:
             self._urgent_publish = True
@@ -163,7 +174,17 @@ class ControlLoop:
 
     def _publish(self) -> None:
         record = self._snapshot[0]
-        self._session.fill(record)
+        history = self._history
+        past = None if history is None else history.shown
+        if past is None:
+            self._session.fill(record)
+            record["history_start_s"] = record["history_end_s"] = np.nan
+        else:
+            self._snapshot[0] = past
+            record["mode"] = self._session.mode
+        if history is not None:
+            record["history_start_s"], record["history_end_s"] = history.start_s, history.end_s
+            record["branch"], record["past"] = history.branch, past is not None
         self._sequence += 1
         record["sequence"] = self._sequence
         record["wall_time_s"] = time.time()
@@ -185,6 +206,8 @@ class ControlLoop:
         record["tick_median_us"] = statistics.tick_median_us
         record["speed"] = self._run.speed
         self._state.write(self._snapshot)
+        if history is not None and past is None:
+            history.published(record)
         self._urgent_publish = False
 
     def _serve_events(self) -> None:
@@ -203,7 +226,12 @@ class ControlLoop:
                 return
             if event.name == _CLEAR:
                 self._require_no_later_estop(event.arguments.pop("estops"))
-            value = self._set_run(**event.arguments) if event.name == "run" else self._call_session(event)
+            if event.name == "run":
+                value = self._set_run(**event.arguments)
+            elif event.name in HISTORY_EVENTS:
+                value = self._look_back(event)
+            else:
+                value = self._call_session(event)
             self._answers.append((event, Outcome.DONE, value))
         except EventError as error:
             self._answers.append((event, error.outcome, str(error)))
@@ -220,18 +248,34 @@ class ControlLoop:
             if event.name in SLOW_EVENTS:
                 self._pacer.excuse()
         if event.name in _RESTARTING:
+            if self._history is not None:
+                self._history.clear()
             self._end_step(f"{event.name} came between")
             self._void_setpoint()
             self._failure = None
             gc.collect()
             gc.freeze()
             self._pacer.excuse()
+        elif event.name not in READING_EVENTS:
+            self._happened(self._events.offered[event.name], event.arguments)
         if event.name in _SEEN_AFTER_A_TICK:
             self._run.show_one()
         held_s = time.perf_counter() - started
         if held_s > NOTED_HOLD_S:
             _log.info("%s held the loop for %.0f ms", event.name, 1e3 * held_s)
         return value
+
+    def _look_back(self, event: Event) -> dict[str, Any]:
+        value = self._history_events.carry_out(event.name, event.arguments, running=self._run.running)
+        if event.name == BRANCH:
+            self._pacer.excuse()
+            self._end_step("the simulation was set back")
+            self._failure = None
+        return value
+
+    def _happened(self, call: Callable[..., Any], arguments: dict[str, Any]) -> None:
+        if self._history is not None:
+            self._history.happened(call, arguments)
 
     def _require_no_later_estop(self, cleared: int) -> None:
         if self._estops.asked != cleared:

@@ -20,7 +20,7 @@ from server.control_client import SLOW_CALL_TIMEOUT_S, ControlClient
 from server.control_process import ControlLaunch
 from server.errors import ControlDeadError, ControlTimeoutError, InvalidFieldError, RefusedError
 from server.robot_handle import RobotHandle
-from server.schemas import BackendRequest, CommandPatch, MismatchRequest, RunRequest, StepRequest
+from server.schemas import BackendRequest, BranchRequest, CommandPatch, MismatchRequest, RunRequest, SeekRequest, StepRequest
 from server.validation import validated
 from sim.backends.hardware.backend import unavailable_because
 from sim.backends.hardware.config import HardwareConfig
@@ -226,9 +226,39 @@ class Operator:
             self._client.submit("run", state="paused", speed=None)
             raise
 
+    def history(self) -> dict[str, Any]:
+        """Fields of server.answers.history.HistoryAnswer. Raises RefusedError on hardware."""
+        return self._client.call("history")
+
+    def seek(self, time_s: float) -> dict[str, Any]:
+        """Show a moment of the last minute; answers like `history`.
+
+        Raises:
+            InvalidFieldError: the history does not reach it.
+            RefusedError: the simulation runs, or nothing is kept.
+        """
+        return self._client.call("seek", **validated(SeekRequest, {"time_s": _plain(time_s)}))
+
+    def branch(self, **changes: Any) -> dict[str, Any]:
+        """Go on from a moment of the last minute; `changes` are fields of BranchRequest. Answers BranchAnswer.
+
+        Raises:
+            InvalidFieldError, RefusedError: like `seek`, or a name that does not exist.
+        """
+        request = validated(BranchRequest, {name: _plain(value) for name, value in changes.items()})
+        for field in ("controller", "estimator"):
+            if field in request:
+                self._require_choice(f"{field}s", request[field], field)
+        if "gains" in request:
+            request["gains"] = (request["gains"]["k1"], request["gains"]["k2"])
+        answer = self._client.call("branch", SLOW_CALL_TIMEOUT_S, **request)
+        gains, per_link = answer["gains"], answer["per_link"]
+        self.selection = Selection(gains, answer["mass_scale"], per_link)
+        return {**answer, "gains": None if gains is None else {"k1": gains[0], "k2": gains[1]}}
+
     def reset(self, seed: int | None = None, keyframe: str = "stand") -> None:
         """Put the simulated robot back, and the command to its default."""
-        self._require_choice("keyframes", keyframe)
+        self._require_choice("keyframes", keyframe, "keyframe")
         self._client.call("reset", SLOW_CALL_TIMEOUT_S, seed=seed, keyframe=keyframe)
         self._hold()
 
@@ -311,13 +341,11 @@ class Operator:
         snapshot = self._client.snapshot()
         return self._client.estops.pending or (snapshot is not None and snapshot["mode"] == Mode.ESTOP)
 
-    def _require_choice(self, kind: str, name: str) -> None:
+    def _require_choice(self, kind: str, name: str, field: str = "name") -> None:
         choices = self.available()[kind]
         # What is not offered at all, the session refuses with what to do.
         if choices and name not in choices:
-            raise InvalidFieldError(
-                "name" if kind != "keyframes" else "keyframe", f"{name!r} does not exist", ", ".join(choices)
-            )
+            raise InvalidFieldError(field, f"{name!r} does not exist", ", ".join(choices))
 
 
 def _plain(value: Any) -> Any:

@@ -22,6 +22,7 @@ _ANY_TORQUE = Vector(((-50.0, 50.0),) * 3, "N m")
 _ANY_POINT = Vector(((-2.0, 2.0),) * 3, "m")
 _DURATION = Number((TICK_S, 600.0), "s")
 _GAIN = Number((0.1, 1000.0))
+_TIME = Number((0.0, 1e9), "s")
 _SEED = Number((0, 2**31 - 1))
 
 MAX_LINKS = 64
@@ -150,6 +151,28 @@ class MismatchRequest(RequestModel):
 
     mass_scale: Annotated[float, Number(MASS_SCALE_RANGE)]
     per_link: dict[Name, Annotated[float, Number(MASS_SCALE_RANGE)]] = Field(default_factory=dict, max_length=MAX_LINKS)
+
+
+class SeekRequest(RequestModel):
+    """Show a moment of the last minute."""
+
+    model_config = _examples({"time_s": 1.2})
+
+    time_s: Annotated[float, _TIME] = Field(description="simulated time")
+
+
+class BranchRequest(RequestModel):
+    """Go on from a moment of the last minute, with something changed."""
+
+    model_config = _examples({"time_s": 1.2, "estimator": "adaptive"}, {"controller": "model_based", "mass_scale": 1.2}, {})
+
+    time_s: Annotated[float, _TIME] = Field(default_factory=float, description="simulated time; left out: of what is shown")
+    controller: Name = Field(default_factory=str, description="from then on")
+    estimator: Name = Field(default_factory=str, description="from then on")
+    gains: Gains = Field(default_factory=lambda: Gains(k1=1.0, k2=1.0))
+    mass_scale: Annotated[float, Number(MASS_SCALE_RANGE)] = Field(
+        default_factory=float, description="of the simulated robot; the estimator is not told"
+    )
 
 
 class WrenchRequest(RequestModel):

@@ -112,7 +112,10 @@ class Moment:
         plan = _plan(type(carrier))
         if plan.packs:
             carrier.pack_state()
-        values = plan.values(carrier)
+        try:
+            values = plan.values(carrier)
+        except AttributeError as error:
+            raise StateError(f"STATE names what is not there: {error}") from None
         self._objects.append((carrier, plan, values))
         try:
             self._take_all(values)

@@ -1,5 +1,14 @@
 """The REST interface, one module per group of calls."""
 
-from server.routes import command, hardware, safety, selection, simulation, system, wrenches
+from server.routes import command, hardware, history, safety, selection, simulation, system, wrenches
 
-ROUTERS = (system.router, command.router, safety.router, simulation.router, selection.router, wrenches.router, hardware.router)
+ROUTERS = (
+    system.router,
+    command.router,
+    safety.router,
+    simulation.router,
+    selection.router,
+    wrenches.router,
+    history.router,
+    hardware.router,
+)

@@ -32,6 +32,9 @@ class SessionError(RuntimeError):
 class Session(Generic[BackendT]):
     """One backend, its pipeline and what the console may do to any of them. Single-threaded.
 
+    Attributes:
+        gains: of the momentum observer, as set last; None for those that it starts with.
+
     Args:
         backend: opened here; its owner closes it.
         pipeline: how to make the pipeline.
@@ -53,6 +56,7 @@ class Session(Generic[BackendT]):
         "time_s",
         "_command",
         "_unheard_sequence",
+        "gains",
     )
 
     def __init__(self, backend: BackendT, pipeline: PipelineConfig | None = None) -> None:
@@ -62,6 +66,7 @@ class Session(Generic[BackendT]):
         check_pipeline(self.pipeline)
         self._error_power = np.empty(len(self.pipeline.estimator_names))
         self._asked, self._asked_command = b"", DEFAULT_COMMAND
+        self.gains: tuple[float, float] | None = None
         self._command_sequence = 0
         self._forget()
 
@@ -137,7 +142,9 @@ class Session(Generic[BackendT]):
         """
         if (k1 is None) != (k2 is None):
             raise ValueError("gains need both k1 and k2")
-        self.pipeline.select_estimator(name, None if k1 is None or k2 is None else (k1, k2))
+        gains = None if k1 is None or k2 is None else (k1, k2)
+        self.pipeline.select_estimator(name, gains)
+        self.gains = gains or self.gains
 
     def estop(self) -> None:
         """Latch the e-stop."""

@@ -110,6 +110,10 @@ SNAPSHOT = np.dtype(
         ("tick_median_us", "f8"),
         ("realtime_scheduling", "?"),  # SCHED_FIFO was granted
         ("speed", "f8"),
+        ("history_start_s", "f8"),  # simulated time that can be gone back to; NaN where none
+        ("history_end_s", "f8"),
+        ("past", "?"),  # an earlier moment is shown than the newest
+        ("branch", "u4"),  # counts how often the simulation has gone on from an earlier moment
     ]
 )
 
