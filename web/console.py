@@ -22,8 +22,11 @@ from web.command_panel import CommandPanel
 from web.drag import GrabHandle, TargetGizmo
 from web.estimators_panel import EstimatorsPanel
 from web.force_arrows import ForceArrows
+from web.ghost import Ghost
 from web.hardware_panel import HardwarePanel
+from web.history_panel import HistoryPanel
 from web.objects import SceneObjects
+from web.other_future import OtherFuture
 from web.policy_panel import PolicyPanel
 from web.scene import Scene
 from web.setup_panel import SetupPanel
@@ -70,6 +73,7 @@ class Console:
         gui.main_panel.set_width(_PANEL_WIDTH_PX)
         self._scene = Scene(server)
         self._objects = SceneObjects(server)
+        self._other_future, self._ghost = OtherFuture(), Ghost(server)
         self._camera = Camera(server)
         self._forces = ForceArrows(server)
         self._contacts = WheelContacts(server)
@@ -82,6 +86,8 @@ class Console:
         with tabs.add_tab("Setup"):
             self._setup = SetupPanel(server, sink)
             self._policy = PolicyPanel(gui)
+        with tabs.add_tab("Time"):
+            self._history = HistoryPanel(server, sink)
         with tabs.add_tab("Robot"):
             self._hardware = HardwarePanel(server, sink)
         ViewPanel(server, sink, tabs.add_tab("View"), self._camera, self._forces, self._contacts)
@@ -145,5 +151,8 @@ class Console:
         self._command.update(snapshot)
         self._setup.update(snapshot)
         self._policy.update(snapshot)
-        self._charts.update(snapshot)
+        self._history.update(snapshot)
+        self._other_future.update(snapshot)
+        self._ghost.update(float(snapshot["time_s"]), self._other_future)
+        self._charts.update(snapshot, self._other_future)
         self._estimators.update(snapshot)

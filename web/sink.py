@@ -43,6 +43,12 @@ class ConsoleSink(Protocol):
     def set_run(self, state: Literal["running", "paused"] | None, speed: float | None) -> object:
         """Run or pause, and at which speed; None leaves as it is. Waits until it is done."""
 
+    def seek(self, time_s: float) -> object:
+        """Show a moment of the last minute of a paused simulation. Waits until it is shown."""
+
+    def branch(self, **changes: Any) -> object:
+        """Set a paused simulation back to what is shown, with `controller`, `estimator` or `mass_scale` changed. Waits."""
+
     def set_backend(self, name: str, **options: Any) -> object:
         """Drive the simulation or a robot. Waits until a fresh control process runs."""
 

@@ -47,6 +47,12 @@ class RecordingSink:
     def set_scene(self, name: str) -> None:
         self._call("set_scene", name)
 
+    def seek(self, time_s: float) -> None:
+        self._call("seek", time_s)
+
+    def branch(self, **changes: Any) -> None:
+        self._call("branch", changes)
+
     def set_backend(self, name: str, **options: Any) -> None:
         self._call("set_backend", (name, options))
 
