@@ -21,7 +21,7 @@ def test_a_clock_that_is_set_back_takes_away_what_was_later() -> None:
     history = History(1, window_s=1.0, period_s=0.1)
     for now in (5.0, 5.2, 5.4, 5.6):
         history.append(now, np.array([now]))
-    history.append(5.3, np.array([-1.0]))
+    history.append(5.31, np.array([-1.0]))
     np.testing.assert_allclose(history.values[-3:, 0], [5.0, 5.2, -1.0])
     history.append(0.0, np.array([0.0]))
     assert np.isnan(history.values[:-1]).all()
