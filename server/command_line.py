@@ -27,6 +27,12 @@ def parser() -> argparse.ArgumentParser:
     arguments.add_argument("--controller", default="policy", help="controller to start with (default policy)")
     arguments.add_argument("--estimator", default="hybrid", help="force estimator to start with (default hybrid)")
     arguments.add_argument("--seed", type=int, default=0, help="of the sensors' errors (default 0)")
+    arguments.add_argument(
+        "--data", type=Path, help="data folder, for recordings; default: FORCELENS_DATA, or where XDG puts it"
+    )
+    arguments.add_argument(
+        "--data-budget", type=float, default=20.0, metavar="GB", help="most that recordings take (default 20)"
+    )
     arguments.add_argument("--no-browser", action="store_true", help="do not open the page")
     robot = arguments.add_argument_group("robot", "what the hardware backend drives once it is chosen in the page or by REST")
     robot.add_argument("--domain", type=DDS_DOMAIN, default=1, help="DDS domain of the base (default 1; a real robot's is 0)")
@@ -52,6 +58,7 @@ def run(words: Sequence[str], starting: Starting) -> int:
     from server.errors import ServerError
     from server.runner import PortInUseError, serve
     from sim.backends.hardware.config import HardwareConfig
+    from sim.recording.folder import RecordingFolder, default_folder
     from sim.runtime.simulation import SimulationConfig
 
     def announce(address: str) -> None:
@@ -68,6 +75,10 @@ def run(words: Sequence[str], starting: Starting) -> int:
                 scene=arguments.scene,
                 seed=arguments.seed,
                 pipeline=PipelineConfig(controller=arguments.controller, estimator=arguments.estimator),
+            ),
+            recordings=RecordingFolder(
+                default_folder() if arguments.data is None else arguments.data / "recordings",
+                round(1e9 * arguments.data_budget),
             ),
             hardware=with_options(
                 HardwareConfig(),

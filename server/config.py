@@ -6,6 +6,7 @@ from pathlib import Path
 
 from server.access import LOOPBACK_NAMES
 from sim.backends.hardware.config import HardwareConfig
+from sim.recording.folder import RecordingFolder, default_folder
 from sim.runtime.simulation import SimulationConfig
 
 
@@ -24,6 +25,7 @@ class ServerConfig:
         open_browser: open the page where a display exists.
         session: what the control process steps.
         hardware: the robot that the hardware backend drives unless told otherwise.
+        recordings: where they lie, and how much they may take.
 
     Raises:
         ConfigError: another address than loopback without a token.
@@ -35,6 +37,7 @@ class ServerConfig:
     open_browser: bool = True
     session: SimulationConfig = field(default_factory=SimulationConfig)
     hardware: HardwareConfig = field(default_factory=HardwareConfig)
+    recordings: RecordingFolder = field(default_factory=lambda: RecordingFolder(default_folder()))
 
     def __post_init__(self) -> None:
         if self.token is None and not is_loopback(self.host):

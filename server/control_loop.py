@@ -23,6 +23,10 @@ from server.session_events import READING_EVENTS, SLOW_EVENTS, EventError, Sessi
 from server.setpoint import default_setpoint, released
 from sim.backends.protocol import Backend, BackendError
 from sim.processes.shared_record import SharedRecord
+from sim.recording import tap as tap_module
+from sim.recording.describe import describe_session
+from sim.recording.description import Description
+from sim.recording.tap import Tap
 from sim.runtime.history import History
 from sim.runtime.session import Session
 from sim.runtime.simulation import Simulation
@@ -51,6 +55,7 @@ class ControlLoop:
         pacer: keeps time; its period is set here.
         paused: start in a hold instead of running.
         realtime: whether real-time scheduling was granted, for the snapshot.
+        tap: where a recorder listens.
     """
 
     def __init__(
@@ -64,11 +69,15 @@ class ControlLoop:
         *,
         paused: bool,
         realtime: bool,
+        tap: Tap | None = None,
     ) -> None:
         self._session = session
         self._events = SessionEvents(session)
         self._history = History(session) if isinstance(session, Simulation) else None
         self._history_events = HistoryEvents(session, self._history)
+        self._tap = tap or Tap(tap_module.allocate())
+        self._tapped_ticks = 0  # of the recording, when its last moment was put
+        self._pipeline_resets = session.pipeline_resets
         self._state = state
         self._setpoints = setpoints
         self._estops = estops
@@ -118,7 +127,7 @@ class ControlLoop:
         asked = self._estops.asked
         try:
             self._session.estop()
-            self._happened(self._session.estop, {})
+            self._happened("estop", self._session.estop, {})
         except BackendError:
             _log.exception("the backend did not take the e-stop")
         self._end_step("the e-stop was pressed")
@@ -147,11 +156,14 @@ class ControlLoop:
             return
         if self._history is not None:
             self._history.ticked(setpoint, age_s)
+        if self._tap.active:
+            self._record_tick()
         self._idle = 0
         self._ticks = round(self._session.time_s / TICK_S)
         if due(Job.LIVE_ERRORS, self._ticks - 1):
             self._session.track_errors(CONTROL_PERIOD_S)
-            self._happened(self._session.track_errors, _ERRORS_TRACKED)
+            if self._history is not None:
+                self._history.happened(self._session.track_errors, _ERRORS_TRACKED)
         step = self._run.ticked()
         if step is not None:
             self._urgent_publish = True
@@ -205,7 +217,13 @@ class ControlLoop:
         record["lateness_p99_ms"] = statistics.lateness_p99_ms
         record["tick_median_us"] = statistics.tick_median_us
         record["speed"] = self._run.speed
+        tap = self._tap
+        record["recording"] = tap.name if tap.active else b""
+        record["recording_s"], record["recording_bytes"] = TICK_S * tap.count, tap.size_bytes
         self._state.write(self._snapshot)
+        if tap.active and past is None and tap.count > self._tapped_ticks:
+            self._tapped_ticks = tap.count
+            tap.put_moment(record)
         if history is not None and past is None:
             history.published(record)
         self._urgent_publish = False
@@ -226,7 +244,9 @@ class ControlLoop:
                 return
             if event.name == _CLEAR:
                 self._require_no_later_estop(event.arguments.pop("estops"))
-            if event.name == "run":
+            if event.name == "start_recording":
+                value = self._start_recording(**event.arguments)
+            elif event.name == "run":
                 value = self._set_run(**event.arguments)
             elif event.name in HISTORY_EVENTS:
                 value = self._look_back(event)
@@ -257,7 +277,7 @@ class ControlLoop:
             gc.freeze()
             self._pacer.excuse()
         elif event.name not in READING_EVENTS:
-            self._happened(self._events.offered[event.name], event.arguments)
+            self._happened(event.name, self._events.offered[event.name], event.arguments)
         if event.name in _SEEN_AFTER_A_TICK:
             self._run.show_one()
         held_s = time.perf_counter() - started
@@ -266,6 +286,8 @@ class ControlLoop:
         return value
 
     def _look_back(self, event: Event) -> dict[str, Any]:
+        if event.name == BRANCH and self._tap.active:
+            raise EventError(Outcome.REFUSED, "a recording is under way, and time runs on in it; stop it first")
         value = self._history_events.carry_out(event.name, event.arguments, running=self._run.running)
         if event.name == BRANCH:
             self._pacer.excuse()
@@ -273,9 +295,29 @@ class ControlLoop:
             self._failure = None
         return value
 
-    def _happened(self, call: Callable[..., Any], arguments: dict[str, Any]) -> None:
+    def _happened(self, name: str, call: Callable[..., Any], arguments: dict[str, Any]) -> None:
         if self._history is not None:
             self._history.happened(call, arguments)
+        if self._tap.active:
+            self._tap.put_event(name, arguments)
+
+    def _record_tick(self) -> None:
+        if self._session.pipeline_resets != self._pipeline_resets:
+            self._pipeline_resets = self._session.pipeline_resets
+            self._tap.put_event("reset", {})
+        self._tap.put_tick(self._session)
+
+    def _start_recording(self, name: str) -> tuple[Description, tuple[int, int]]:
+        """Its description, and where the rings of moments and events stood before it."""
+        if self._tap.active:
+            raise EventError(Outcome.REFUSED, "a recording is under way; DELETE /api/v1/recordings/current first")
+        description = describe_session(self._session)
+        heads = self._tap.moments.head, self._tap.events.head
+        self._pipeline_resets = self._session.pipeline_resets
+        self._tapped_ticks = 0
+        self._tap.start(name)
+        self._pacer.excuse()
+        return description, heads
 
     def _require_no_later_estop(self, cleared: int) -> None:
         if self._estops.asked != cleared:

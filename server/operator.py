@@ -19,6 +19,7 @@ from server.backend_choice import BackendChoice, with_options
 from server.control_client import SLOW_CALL_TIMEOUT_S, ControlClient
 from server.control_process import ControlLaunch
 from server.errors import ControlDeadError, ControlTimeoutError, InvalidFieldError, RefusedError
+from server.recording_desk import RecordingDesk
 from server.robot_handle import RobotHandle
 from server.schemas import BackendRequest, BranchRequest, CommandPatch, MismatchRequest, RunRequest, SeekRequest, StepRequest
 from server.validation import validated
@@ -26,6 +27,7 @@ from sim.backends.hardware.backend import unavailable_because
 from sim.backends.hardware.config import HardwareConfig
 from sim.backends.hardware.states import ACTIVE
 from sim.backends.hardware.status import HardwareStatus
+from sim.recording.folder import RecordingFolder, default_folder
 from sim.runtime.fault_words import ESTOP_LATCHED
 from sim.runtime.snapshot import COMMAND, Mode, command_to_record, on_hardware
 
@@ -50,9 +52,19 @@ class Operator:
         client: handle on the control process.
         launch: what the control process was started with; it drives the simulation.
         hardware: the robot that `set_backend` means when nothing else is said.
+        recordings: where they go, by default into the user's data folder.
+
+    Attributes:
+        recordings: starts, stops and lists them.
     """
 
-    def __init__(self, client: ControlClient, launch: ControlLaunch, hardware: HardwareConfig | None = None) -> None:
+    def __init__(
+        self,
+        client: ControlClient,
+        launch: ControlLaunch,
+        hardware: HardwareConfig | None = None,
+        recordings: RecordingFolder | None = None,
+    ) -> None:
         self.limits: CommandLimits = launch.session.pipeline.limits
         self.selection = Selection()
         self.started_s = time.monotonic()
@@ -60,6 +72,7 @@ class Operator:
         self._launch = launch
         self._hardware = hardware or HardwareConfig()
         self.robot = RobotHandle(client)
+        self.recordings = RecordingDesk(client, recordings or RecordingFolder(default_folder()))
         self._switching = threading.Lock()
         self._lock = threading.Lock()
         self._command = clip_command(DEFAULT_COMMAND, self.limits)
@@ -295,7 +308,8 @@ class Operator:
             self._start(self.robot.choice, paused=True)
 
     def close(self) -> None:
-        """End the control process, and a robot's I/O process even if the control process has died."""
+        """End a recording, the control process, and a robot's I/O process even if the control process has died."""
+        self.recordings.end()
         self._client.close()
         self.robot.end()
 
@@ -321,6 +335,7 @@ class Operator:
             if not on_hardware(snapshot):
                 session = replace(session, scene=snapshot["scene"].decode())
         self._hold()
+        self.recordings.end()
         self.selection = Selection()
         self.robot.choice = choice
         self._client.restart(session=session, estopped=estopped, **choice.launch(paused=paused))

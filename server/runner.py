@@ -31,7 +31,7 @@ def serve(config: ServerConfig, announce: Callable[[str], None]) -> None:
     with _listen(config.host, config.port) as listener:
         launch = ControlLaunch(session=config.session)
         client = ControlClient(launch)
-        operator = Operator(client, launch, config.hardware)
+        operator = Operator(client, launch, config.hardware, config.recordings)
         client.start()
         try:
             # Takes a second to import, in which the control process starts.

@@ -153,6 +153,15 @@ class MismatchRequest(RequestModel):
     per_link: dict[Name, Annotated[float, Number(MASS_SCALE_RANGE)]] = Field(default_factory=dict, max_length=MAX_LINKS)
 
 
+class RecordingRequest(RequestModel):
+    """Start a recording."""
+
+    model_config = _examples({"name": "push", "note": "with the new gains"}, {})
+
+    name: Annotated[str, Field(max_length=64)] = ""
+    note: Annotated[str, Field(max_length=1000)] = ""
+
+
 class SeekRequest(RequestModel):
     """Show a moment of the last minute."""
 

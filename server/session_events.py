@@ -16,7 +16,7 @@ from sim.runtime.session import Session, SessionError
 from sim.runtime.simulation import Simulation
 from sim.scenes import SCENE_NAMES
 
-SLOW_EVENTS = frozenset({"reset", "set_scene", "select_controller", "set_mismatch", "branch"})
+SLOW_EVENTS = frozenset({"reset", "set_scene", "select_controller", "set_mismatch", "branch", "start_recording"})
 """Known to take longer than a tick; the loop excuses them."""
 
 READING_EVENTS = frozenset({"list_wrenches"})

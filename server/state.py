@@ -13,7 +13,7 @@ import numpy as np
 from control.joints import JOINT_NAMES, LEGS
 from control.types import Command
 from server.answers.command import CommandAnswer, CommandFields
-from server.answers.state import Base, Contact, Drive, EndEffector, Joints, Loop, Odometry
+from server.answers.state import Base, Contact, CurrentRecording, Drive, EndEffector, Joints, Loop, Odometry
 from server.silence import NO_SILENCE, Silence
 from sim.backends.hardware.states import DriveState
 from sim.runtime.fault_words import SILENCE_WORDS, drive_fault_words, fault_words, message
@@ -128,6 +128,16 @@ def _drive(record: np.void) -> Drive | None:
     }
 
 
+def _recording(record: np.void) -> CurrentRecording | None:
+    if not record["recording"]:
+        return None
+    return {
+        "id": record["recording"].decode(),
+        "duration_s": float(record["recording_s"]),
+        "size_bytes": int(record["recording_bytes"]),
+    }
+
+
 def loop_json(record: np.void) -> Loop:
     """How the control loop keeps time."""
     return {
@@ -176,6 +186,7 @@ SECTIONS: dict[str, Callable[[np.void], Any]] = {
     "mass_scale_estimated": lambda record: _number(record["mass_scale_estimated"]),
     "mass_scale_true": lambda record: _number(record["mass_scale_true"]),
     "mass_adapting": lambda record: bool(record["mass_adapting"]),
+    "recording": _recording,
     "loop": loop_json,
 }
 ALWAYS = ("sequence", "time_s", "mode", "faults")

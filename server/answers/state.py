@@ -99,6 +99,17 @@ class Drive(Answer):
     """everything is computed and nothing is sent"""
 
 
+class CurrentRecording(Answer):
+    """The recording under way."""
+
+    id: str
+    """in the path of its calls"""
+    duration_s: float
+    """s, of the robot's time"""
+    size_bytes: int
+    """of the file so far"""
+
+
 class Loop(Answer):
     """How the control loop keeps time."""
 
@@ -177,4 +188,6 @@ class StateAnswer(Answer):
     mass_adapting: bool
     """the masses that the selected estimator finds still move: until they rest, its force may be off by more than its standard
     deviation says; false where it estimates none"""
+    recording: CurrentRecording | None
+    """the one under way; null without one"""
     loop: Loop

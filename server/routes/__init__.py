@@ -1,6 +1,6 @@
 """The REST interface, one module per group of calls."""
 
-from server.routes import command, hardware, history, safety, selection, simulation, system, wrenches
+from server.routes import command, hardware, history, recordings, safety, selection, simulation, system, wrenches
 
 ROUTERS = (
     system.router,
@@ -10,5 +10,6 @@ ROUTERS = (
     selection.router,
     wrenches.router,
     history.router,
+    recordings.router,
     hardware.router,
 )

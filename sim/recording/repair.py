@@ -15,11 +15,17 @@ import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.records import Attachment, AttachmentIndex, Channel, ChunkIndex, Metadata, MetadataIndex, Schema
 
-from sim.recording.mcap_file import CHUNK, MAGIC, MESSAGE_INDEX, Summary, message_indexes
+from sim.recording.mcap_file import CHUNK, MAGIC, MESSAGE_INDEX, Summary, built, message_indexes
 from sim.recording.wire import MESSAGE_OPCODE
 
 _HEAD = struct.Struct("<BQ")
 _HEADER, _FOOTER, _SCHEMA, _CHANNEL, _ATTACHMENT, _METADATA, _DATA_END = 1, 2, 3, 4, 9, 12, 15
+
+
+REPAIRED = "repaired"
+"""Name of the metadata that a repaired file has."""
+
+_REPAIRED = built(Metadata(name=REPAIRED, metadata={}))
 
 
 class NoRecordingError(ValueError):
@@ -50,6 +56,7 @@ def repair(path: Path) -> None:
             raise NoRecordingError(f"{path} was cut off before anything was recorded")
         file.truncate(end)
         file.seek(end)
+        summary.metadata.append(MetadataIndex(offset=end, length=file.write(_REPAIRED), name=REPAIRED))
         summary.write(file)
         os.fsync(file.fileno())
 

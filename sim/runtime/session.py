@@ -13,7 +13,7 @@ import numpy as np
 from control.command.limits import DEFAULT_COMMAND
 from control.pipeline import Pipeline, PipelineConfig, PipelineOutput
 from control.timing import TICK_S
-from control.types import Command
+from control.types import Command, SensorFrame
 from sim.backends.protocol import Backend, GroundTruth
 from sim.runtime.snapshot import Mode, command_from_record, command_to_record
 from sim.runtime.snapshot_limits import check_name, check_pipeline
@@ -34,6 +34,8 @@ class Session(Generic[BackendT]):
 
     Attributes:
         gains: of the momentum observer, as set last; None for those that it starts with.
+        command_age_s: of the last tick, time since the operator was heard.
+        pipeline_resets: counts how often the pipeline was started afresh.
 
     Args:
         backend: opened here; its owner closes it.
@@ -57,6 +59,7 @@ class Session(Generic[BackendT]):
         "_command",
         "_unheard_sequence",
         "gains",
+        "command_age_s",
     )
 
     def __init__(self, backend: BackendT, pipeline: PipelineConfig | None = None) -> None:
@@ -67,6 +70,8 @@ class Session(Generic[BackendT]):
         self._error_power = np.empty(len(self.pipeline.estimator_names))
         self._asked, self._asked_command = b"", DEFAULT_COMMAND
         self.gains: tuple[float, float] | None = None
+        self.command_age_s = 0.0
+        self.pipeline_resets = 0
         self._command_sequence = 0
         self._forget()
 
@@ -87,6 +92,15 @@ class Session(Generic[BackendT]):
         return self._output
 
     @property
+    def sensor(self) -> SensorFrame:
+        """What the pipeline saw at the last tick."""
+        return self._sensor
+
+    def write_command(self, record: np.void) -> None:
+        """The command of the last tick into a COMMAND record, as it went into the pipeline."""
+        command_to_record(self._command, record)
+
+    @property
     def mode(self) -> Mode:
         """RUNNING, ESTOP or FAULT; pausing is the caller's business."""
         if self.pipeline.estop_latched:
@@ -100,6 +114,7 @@ class Session(Generic[BackendT]):
         self._sensor = self.backend.read()
         self._output = self.pipeline.step(self._sensor, command, command_age_s)
         self.backend.write(self._output.joint_command)
+        self.command_age_s = command_age_s
         self.time_s += TICK_S
         return self._output
 
@@ -201,5 +216,6 @@ class Session(Generic[BackendT]):
     def _reset_pipeline(self) -> None:
         latched = self.pipeline.estop_latched
         self.pipeline.reset()
+        self.pipeline_resets += 1
         if latched:  # only clear_estop clears it
             self.pipeline.estop()

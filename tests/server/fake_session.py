@@ -36,6 +36,7 @@ class FakeSession(Simulation):
         self.command_sequence = 0
         self.command = DEFAULT_COMMAND
         self.dragged = False
+        self.pipeline_resets = 0
 
     def pack_state(self) -> None:
         raise StateError("a fake carries nothing")

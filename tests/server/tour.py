@@ -50,6 +50,16 @@ def tour(http: httpx.Client) -> Iterator[httpx.Response]:
 
     yield call("POST", "step", {"ticks": 10})
     call("POST", "run", {"state": "paused"})
+    recording = call("POST", "recordings", {"name": "push", "note": "with the new gains"})
+    yield recording
+    yield call("POST", "step", {"ticks": 100})
+    yield call("DELETE", "recordings/current")
+    yield call("DELETE", "recordings/current")
+    yield call("GET", "recordings")
+    key = recording.json()["id"]
+    yield call("GET", f"recordings/{key}")
+    yield call("GET", f"recordings/{key}/download")
+    yield call("DELETE", f"recordings/{key}")
     yield call("POST", "step", {"ticks": 10})
     yield call("POST", "history/seek", {"time_s": 1.2})
     yield call("GET", "history")

@@ -134,6 +134,11 @@ class MujocoBackend:
         return float(self._data.time)
 
     @property
+    def seed(self) -> int:
+        """Of the sensors' errors."""
+        return self._seed
+
+    @property
     def scene(self) -> str:
         """Name of the scene."""
         return self._scene.name
