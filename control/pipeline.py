@@ -272,6 +272,26 @@ class Pipeline:
         self._tick += 1
         return PipelineOutput(joint_command, self._applied, base, odometry, hand, self._estimates, safety, failures)
 
+    def estimate_alone(self, sensor: SensorFrame, mask: np.ndarray | None = None) -> ForceEstimate:
+        """Advance one tick with the selected estimator alone: no controller, no other estimator, nothing to drive.
+
+        Args:
+            sensor: newest sensor frame.
+            mask: (3,) applied at the tick before; None for the last one of `step`.
+        """
+        base = self._base_state.step(sensor)
+        self.model.update(
+            base.rotation_base_to_world,
+            sensor.joint_position,
+            base.linear_velocity_in_base,
+            base.angular_velocity_in_base,
+            sensor.joint_velocity,
+        )
+        estimator = self._estimators[self.estimator_name]
+        estimator.observe(EstimatorInput(self._tick, self.model, sensor, base, self._applied.mask if mask is None else mask))
+        self._tick += 1
+        return estimator.estimate()
+
     def _refer(self, command: Command, hand: HandState) -> None:
         if not self._safety.in_control:
             # References start from wherever the robot is when the controller gets hold of it.

@@ -16,7 +16,7 @@ def parser() -> argparse.ArgumentParser:
     arguments = argparse.ArgumentParser(
         prog="forcelens",
         description="Console of a robot that feels force without a sensor.",
-        epilog="forcelens emulate --help: an emulated robot for the hardware backend.",
+        epilog="forcelens emulate --help: an emulated robot for the hardware backend; record --help: record a running console.",
     )
     arguments.add_argument("--host", default="127.0.0.1", help="address to bind (default 127.0.0.1); others need a token")
     arguments.add_argument("--port", type=TCP_PORT, default=8080, help="TCP port, 0 to 65535 (default 8080); 0: a free one")

@@ -28,6 +28,7 @@ from sim.recording.describe import describe_session
 from sim.recording.description import Description
 from sim.recording.tap import Tap
 from sim.runtime.history import History
+from sim.runtime.replay_session import ReplaySession
 from sim.runtime.session import Session
 from sim.runtime.simulation import Simulation
 from sim.runtime.snapshot import SNAPSHOT, Mode
@@ -246,6 +247,8 @@ class ControlLoop:
                 self._require_no_later_estop(event.arguments.pop("estops"))
             if event.name == "start_recording":
                 value = self._start_recording(**event.arguments)
+            elif event.name == "replay":
+                value = self._replay(**event.arguments)
             elif event.name == "run":
                 value = self._set_run(**event.arguments)
             elif event.name in HISTORY_EVENTS:
@@ -285,6 +288,27 @@ class ControlLoop:
             _log.info("%s held the loop for %.0f ms", event.name, 1e3 * held_s)
         return value
 
+    def _replay(self, time_s: float | None = None, state: str | None = None, speed: float | None = None) -> dict[str, Any]:
+        session: Any = self._session
+        if not isinstance(session, ReplaySession):
+            raise EventError(Outcome.REFUSED, "no recording is shown; PUT /api/v1/backend with 'replay' and its id first")
+        ended = session.time_s >= session.duration_s
+        try:
+            session.seek(
+                0.0 if time_s is None and state == "playing" and ended else session.time_s if time_s is None else time_s
+            )
+        except ValueError as error:
+            raise EventError(Outcome.INVALID, str(error)) from error
+        run = self._run.set({"playing": "running", "paused": "paused", None: None}[state], speed)
+        self._pace()
+        playing = run["state"] == "running" and session.time_s < session.duration_s
+        return {
+            "time_s": session.time_s,
+            "duration_s": session.duration_s,
+            "state": "playing" if playing else "paused",
+            "speed": run["speed"],
+        }
+
     def _look_back(self, event: Event) -> dict[str, Any]:
         if event.name == BRANCH and self._tap.active:
             raise EventError(Outcome.REFUSED, "a recording is under way, and time runs on in it; stop it first")
@@ -309,6 +333,8 @@ class ControlLoop:
 
     def _start_recording(self, name: str) -> tuple[Description, tuple[int, int]]:
         """Its description, and where the rings of moments and events stood before it."""
+        if isinstance(self._session, ReplaySession):
+            raise EventError(Outcome.REFUSED, "a recording is shown; PUT /api/v1/backend with 'simulation' first")
         if self._tap.active:
             raise EventError(Outcome.REFUSED, "a recording is under way; DELETE /api/v1/recordings/current first")
         description = describe_session(self._session)
@@ -324,7 +350,7 @@ class ControlLoop:
             raise EventError(Outcome.REFUSED, "the e-stop was pressed again meanwhile; POST /api/v1/estop/clear once more")
 
     def _require_simulation(self, what: str) -> None:
-        if not isinstance(self._session, Simulation):
+        if not isinstance(self._session, Simulation | ReplaySession):
             raise EventError(Outcome.REFUSED, f"{what}: simulation only; a robot cannot be held still or sped up by its clock")
 
     def _require_sound_backend(self) -> None:

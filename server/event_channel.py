@@ -19,7 +19,7 @@ MAX_PENDING = 64
 RESTART_HINT = "POST /api/v1/control/restart starts a fresh one in a safe hold"
 
 _FIELD_OF_EVENT = {"add_wrench": "body", "set_mismatch": "per_link", "reset": "keyframe", "drive": "request"} | dict.fromkeys(
-    ("seek", "branch"), "time_s"
+    ("seek", "branch", "replay"), "time_s"
 )
 """What is left for the session to refuse after the request's own checks; of the others it is `name`."""
 

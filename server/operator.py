@@ -21,7 +21,17 @@ from server.control_process import ControlLaunch
 from server.errors import ControlDeadError, ControlTimeoutError, InvalidFieldError, RefusedError
 from server.recording_desk import RecordingDesk
 from server.robot_handle import RobotHandle
-from server.schemas import BackendRequest, BranchRequest, CommandPatch, MismatchRequest, RunRequest, SeekRequest, StepRequest
+from server.schemas import (
+    BackendRequest,
+    BranchRequest,
+    CommandPatch,
+    MismatchRequest,
+    RecordingRequest,
+    ReplayRequest,
+    RunRequest,
+    SeekRequest,
+    StepRequest,
+)
 from server.validation import validated
 from sim.backends.hardware.backend import unavailable_because
 from sim.backends.hardware.config import HardwareConfig
@@ -124,6 +134,8 @@ class Operator:
         self._client.require_alive()
         if self._latched():
             raise RefusedError(ESTOP_LATCHED)
+        if self.robot.choice.recording is not None:
+            raise RefusedError("a recording is shown, which obeys nobody; PUT /api/v1/backend with 'simulation' first")
         changes = {name: np.array(value, dtype=float) if name != "guidance" else value for name, value in patch.items()}
         with self._lock:
             if not changes:
@@ -190,6 +202,10 @@ class Operator:
             reason = unavailable_because()
             if reason is not None:
                 raise RefusedError(f"backend 'hardware' is not available: {reason}")
+        elif name == "replay":
+            if "recording" not in request["options"]:
+                raise InvalidFieldError("options.recording", "is missing", "an id of GET /api/v1/recordings")
+            choice = BackendChoice(recording=self.recordings.file(request["options"]["recording"]))
         with self._switch():
             if choice == self.robot.choice and self._client.alive:
                 return
@@ -199,11 +215,20 @@ class Operator:
             try:
                 self._start(choice, paused=False)
             except (ControlDeadError, ControlTimeoutError) as error:
-                if choice.hardware is None:
+                if choice == BackendChoice():
                     raise
                 reason = self._client.death or str(error)
                 self._start(BackendChoice(), paused=False)
-                raise RefusedError(f"backend 'hardware' cannot be used: {reason}. The simulation runs instead") from None
+                raise RefusedError(f"backend {name!r} cannot be used: {reason}. The simulation runs instead") from None
+
+    def replay(self, **changes: Any) -> dict[str, Any]:
+        """Where a recording that is shown stands, after `changes`: fields of ReplayRequest. Answers ReplayAnswer.
+
+        Raises:
+            InvalidFieldError: the recording does not reach that time.
+            RefusedError: no recording is shown.
+        """
+        return self._client.call("replay", **validated(ReplayRequest, changes))
 
     def drive(self, request: str) -> HardwareStatus:
         """See RobotHandle."""
@@ -269,6 +294,18 @@ class Operator:
         self.selection = Selection(gains, answer["mass_scale"], per_link)
         return {**answer, "gains": None if gains is None else {"k1": gains[0], "k2": gains[1]}}
 
+    def start_recording(self, name: str) -> None:
+        """See RecordingDesk."""
+        self.recordings.start(validated(RecordingRequest, {"name": name})["name"], "")
+
+    def recording_ids(self) -> list[str]:
+        """Recordings that are finished, newest first."""
+        return [row.id for row in self.recordings.folder.list()]
+
+    def stop_recording(self) -> None:
+        """See RecordingDesk."""
+        self.recordings.stop()
+
     def reset(self, seed: int | None = None, keyframe: str = "stand") -> None:
         """Put the simulated robot back, and the command to its default."""
         self._require_choice("keyframes", keyframe, "keyframe")
@@ -327,7 +364,7 @@ class Operator:
         session = self._launch.session
         snapshot = self._client.snapshot()
         estopped = self._latched()
-        if snapshot is not None:
+        if snapshot is not None and self.robot.choice.recording is None:
             pipeline = replace(
                 session.pipeline, controller=snapshot["controller"].decode(), estimator=snapshot["estimator"].decode()
             )

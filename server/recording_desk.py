@@ -1,5 +1,6 @@
 """Starts and stops recordings: the control process is told to write, and a recorder is spawned that listens."""
 
+import logging
 import multiprocessing
 import threading
 import time
@@ -29,6 +30,8 @@ from sim.recording.recorder import recorder_process
 from sim.recording.tap import Tap
 
 FINISH_PATIENCE_S = 10.0
+
+_log = logging.getLogger(__name__)
 
 
 class RecordingDesk:
@@ -141,10 +144,13 @@ class RecordingDesk:
             self.folder.delete(key)
 
     def end(self) -> None:
-        """End what is under way, if anything is; because the control process ends, for instance."""
+        """End what is under way, if anything is, because the control process ends; never fails."""
         with self._lock:
             if self._row is not None:
-                self._finish()
+                try:
+                    self._finish()
+                except ControlTimeoutError as error:
+                    _log.warning("%s", error)
 
     def _notice_end(self) -> None:
         with self._lock:

@@ -8,7 +8,7 @@ from pydantic_core import PydanticCustomError
 from control.command.limits import CommandLimits
 from control.timing import TICK_S
 from server.fields import Mask, Number, RequestModel, Vector
-from server.run_control import MAX_STEPS, SPEED_RANGE
+from server.run_control import MAX_STEPS, REPLAY_SPEED_RANGE, SPEED_RANGE
 from sim.backends.simulation.mismatch import MASS_SCALE_RANGE
 
 LIMITS = CommandLimits()
@@ -92,14 +92,19 @@ class BackendOptions(RequestModel):
     interface: Name = Field(default_factory=str, description="network interface that leads to the base")
     arm_host: Name = Field(default_factory=str, description="address of the arm's z1_ctrl")
     arm_port: Annotated[int, Number((1, 65534))] = Field(default_factory=int, description="z1_ctrl listens here")
+    recording: Name = Field(default_factory=str, description="id of the recording to replay")
 
 
 class BackendRequest(RequestModel):
-    """Choose what the pipeline drives. `options` are the robot's."""
+    """Choose what the pipeline drives, or a recording to show. `options` are the robot's, or the recording's id."""
 
-    model_config = _examples({"name": "hardware", "options": {"dry_run": True}}, {"name": "simulation"})
+    model_config = _examples(
+        {"name": "hardware", "options": {"dry_run": True}},
+        {"name": "simulation"},
+        {"name": "replay", "options": {"recording": "20261128-231500-000-push"}},
+    )
 
-    name: Literal["simulation", "hardware"]
+    name: Literal["simulation", "hardware", "replay"]
     options: BackendOptions = Field(default_factory=BackendOptions)
 
 
@@ -160,6 +165,16 @@ class RecordingRequest(RequestModel):
 
     name: Annotated[str, Field(max_length=64)] = ""
     note: Annotated[str, Field(max_length=1000)] = ""
+
+
+class ReplayRequest(RequestModel):
+    """Any subset: where and how fast a recording is shown."""
+
+    model_config = _examples({"time_s": 3.5, "state": "paused"}, {"speed": 8})
+
+    time_s: Annotated[float, _TIME] = Field(default_factory=float, description="since the recording's start")
+    state: Literal["playing", "paused"] = Field(default_factory=lambda: "playing")
+    speed: Annotated[float, Number(REPLAY_SPEED_RANGE)] = Field(default_factory=float, description="1: as it happened")
 
 
 class SeekRequest(RequestModel):

@@ -56,6 +56,7 @@ def describe(session: Session[Backend]) -> dict[str, Any]:
         "backends": [
             {"name": "simulation", "available": True, "reason": None},
             {"name": "hardware", "available": reason is None, "reason": reason},
+            {"name": "replay", "available": True, "reason": None},
         ],
     }
 

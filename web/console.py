@@ -28,6 +28,8 @@ from web.history_panel import HistoryPanel
 from web.objects import SceneObjects
 from web.other_future import OtherFuture
 from web.policy_panel import PolicyPanel
+from web.record_panel import RecordPanel
+from web.replay_panel import ReplayPanel
 from web.scene import Scene
 from web.setup_panel import SetupPanel
 from web.sink import ConsoleSink
@@ -88,6 +90,8 @@ class Console:
             self._policy = PolicyPanel(gui)
         with tabs.add_tab("Time"):
             self._history = HistoryPanel(server, sink)
+            self._record = RecordPanel(gui, sink)
+            self._replay = ReplayPanel(gui, sink)
         with tabs.add_tab("Robot"):
             self._hardware = HardwarePanel(server, sink)
         ViewPanel(server, sink, tabs.add_tab("View"), self._camera, self._forces, self._contacts)
@@ -152,6 +156,8 @@ class Console:
         self._setup.update(snapshot)
         self._policy.update(snapshot)
         self._history.update(snapshot)
+        self._record.update(snapshot)
+        self._replay.update(snapshot)
         self._other_future.update(snapshot)
         self._ghost.update(float(snapshot["time_s"]), self._other_future)
         self._charts.update(snapshot, self._other_future)

@@ -49,8 +49,22 @@ class ConsoleSink(Protocol):
     def branch(self, **changes: Any) -> object:
         """Set a paused simulation back to what is shown, with `controller`, `estimator` or `mass_scale` changed. Waits."""
 
+    def start_recording(self, name: str) -> object:
+        """Record from now on. Waits until it is under way."""
+
+    def stop_recording(self) -> object:
+        """End the recording. Waits until its file is whole."""
+
+    def recording_ids(self) -> list[str]:
+        """Recordings that are finished, newest first."""
+        ...
+
+    def replay(self, **changes: Any) -> dict[str, Any]:
+        """Move about in the recording that is shown, by `time_s`, `state`, `speed`. Answers those and `duration_s`."""
+        ...
+
     def set_backend(self, name: str, **options: Any) -> object:
-        """Drive the simulation or a robot. Waits until a fresh control process runs."""
+        """Drive the simulation or a robot, or show a recording. Waits until a fresh control process runs."""
 
     def drive(self, request: str) -> object:
         """Ask a robot's drives for a change of state, by the name of a Request. Waits until it has begun."""

@@ -1,6 +1,6 @@
 """The REST interface, one module per group of calls."""
 
-from server.routes import command, hardware, history, recordings, safety, selection, simulation, system, wrenches
+from server.routes import command, hardware, history, recordings, replay, safety, selection, simulation, system, wrenches
 
 ROUTERS = (
     system.router,
@@ -11,5 +11,6 @@ ROUTERS = (
     wrenches.router,
     history.router,
     recordings.router,
+    replay.router,
     hardware.router,
 )

@@ -1,10 +1,10 @@
 """The folder with the recordings: what is in it, how much it may hold, and what a crash left behind in it."""
 
+import fcntl
 import logging
 import os
 import re
 import shutil
-from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -143,24 +143,26 @@ class RecordingFolder:
             )
         return room
 
-    def repair(self, alive: Callable[[Path], bool] = lambda _: False) -> None:
-        """Give every file that was cut off its end and its name; what holds nothing is removed.
-
-        Args:
-            alive: whether somebody still writes a file.
-        """
+    def repair(self) -> None:
+        """Give every file that was cut off its end and its name; what holds nothing is removed."""
         for part in self.path.glob(f"*{SUFFIX}{PART}"):
-            if alive(part):
-                continue
-            try:
-                if not is_whole(part):
-                    repair(part)
-            except (NoRecordingError, EOFError, OSError) as error:
-                _log.warning("removing %s: %s", part, error)
-                part.unlink()
-                continue
-            part.replace(part.with_name(part.name.removesuffix(PART)))
-            _log.warning("recording %s was cut off; it is repaired", part.name.removesuffix(SUFFIX + PART))
+            with part.open("rb") as file:
+                try:
+                    fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                except BlockingIOError:
+                    continue  # another console writes it
+                self._mend(part)
+
+    def _mend(self, part: Path) -> None:
+        try:
+            if not is_whole(part):
+                repair(part)
+        except (NoRecordingError, EOFError, OSError) as error:
+            _log.warning("removing %s: %s", part, error)
+            part.unlink()
+            return
+        part.replace(part.with_name(part.name.removesuffix(PART)))
+        _log.warning("recording %s was cut off; it is repaired", part.name.removesuffix(SUFFIX + PART))
 
     def _row(self, path: Path) -> RecordingRow | None:
         try:

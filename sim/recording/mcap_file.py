@@ -3,6 +3,7 @@
 Attachments, metadata, schemas and channels come first, so that a file that was cut off has them. https://mcap.dev/spec
 """
 
+import fcntl
 import os
 import struct
 import zlib
@@ -45,6 +46,7 @@ class McapWriter:
 
     def __init__(self, path: Path, library: str, *, synced: bool = False) -> None:
         self._file = path.open("xb")
+        fcntl.flock(self._file, fcntl.LOCK_EX)  # who repairs files leaves those alone that are written
         self._synced = synced
         self._compressor = zstandard.ZstdCompressor(level=_LEVEL)
         self.summary = Summary()

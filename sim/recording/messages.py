@@ -26,7 +26,7 @@ SENSORS = Wire(
 )
 """What the pipeline saw at a tick: control.types.SensorFrame."""
 
-INPUTS = Wire("Inputs", {"session_time_s": 1, "command_age_s": 1, **_COMMAND_FIELDS})
+INPUTS = Wire("Inputs", {"session_time_s": 1, "command_age_s": 1, "applied_mask": 3, **_COMMAND_FIELDS})
 """What the pipeline was asked at a tick, resolved: a command whose operator had fallen silent has no base velocity."""
 
 TARGETS = Wire("JointTargets", {"position": JOINT_COUNT, "velocity": JOINT_COUNT})
@@ -67,6 +67,7 @@ def write_ticks(ticks: np.ndarray, sensors: np.ndarray, inputs: np.ndarray, targ
     for name in ("orientation_wxyz", "joint_position", "joint_velocity", "joint_torque"):
         sensors[name] = ticks[name]
     inputs["session_time_s"], inputs["command_age_s"] = ticks["time_s"], ticks["command_age_s"]
+    inputs["applied_mask"] = ticks["applied_mask"]
     for name in COMMAND.names or ():
         inputs[name] = ticks["command"][name]
     targets["position"], targets["velocity"] = ticks["target_position"], ticks["target_velocity"]

@@ -23,6 +23,7 @@ TICK = np.dtype(
         ("joint_torque", "f8", JOINT_COUNT),
         ("command", COMMAND),  # as it went into the pipeline
         ("command_age_s", "f8"),
+        ("applied_mask", "f8", 3),  # of the command as applied, which the next tick's estimators read
         ("estimates_n", "f8", (MOST_ESTIMATORS, 3)),  # in the order of the pipeline's estimators, NaN where there is none
         ("sigma_n", "f8", 3),
         ("target_position", "f8", JOINT_COUNT),  # to the drives
@@ -140,6 +141,7 @@ class Tap:
         record["joint_torque"] = sensor.joint_torque
         session.write_command(record["command"])
         record["command_age_s"] = session.command_age_s
+        record["applied_mask"] = output.applied_command.mask
         estimates, out = output.estimates, record["estimates_n"]
         for index, name in enumerate(session.pipeline.estimator_names):
             estimate = estimates.get(name)

@@ -148,3 +148,35 @@ def test_what_a_crash_left_is_repaired_at_the_next_start(paused: RunningServer) 
     assert (found.id, found.complete) == (row["id"], False)
     assert found.duration_s > 0.4
     assert np.isclose(found.size_bytes, 0.8 * len(data), rtol=0.5)
+
+
+def test_a_recording_is_shown_and_sends_nothing(paused: RunningServer) -> None:
+    before = paused.state()
+    row = record(paused, 300)
+    after = paused.state()
+    call(paused, "PUT", "backend", {"name": "replay", "options": {"recording": row["id"]}})
+    try:
+        assert call(paused, "GET", "backend")["name"] == "replay"
+        replay = call(paused, "PATCH", "replay", {"time_s": 0.4, "state": "paused", "speed": 8})
+        assert (replay["time_s"], replay["state"], replay["speed"]) == (0.4, "paused", 8)
+        assert replay["duration_s"] == pytest.approx(0.6, abs=0.01)
+        shown = paused.state()
+        assert (shown["backend"], shown["mode"], shown["time_s"]) == ("replay", "paused", 0.4)
+        call(paused, "PATCH", "replay", {"time_s": replay["duration_s"]})
+        assert paused.state()["joints"]["position"] == pytest.approx(after["joints"]["position"], abs=1e-3)
+        assert paused.state()["end_effector"]["force_estimates_n"].keys() == before["end_effector"]["force_estimates_n"].keys()
+        assert call(paused, "PATCH", "replay", {"state": "playing"})["time_s"] == 0.0
+        paused.wait_for(lambda _: call(paused, "GET", "replay")["state"] == "paused")
+        for method, path, body, status in (
+            ("PATCH", "command", {"guidance": True}, 409),
+            ("PUT", "estimator", {"name": "adaptive"}, 409),
+            ("POST", "recordings", {}, 409),
+            ("POST", "reset", {}, 409),
+            ("PATCH", "replay", {"time_s": 9.0}, 422),
+            ("PATCH", "replay", {"speed": 9.0}, 422),
+        ):
+            assert paused.http.request(method, API + path, json=body).status_code == status, path
+    finally:
+        call(paused, "PUT", "backend", {"name": "simulation"})
+    assert paused.http.get(f"{API}replay").status_code == 409
+    assert paused.state()["controller"] == before["controller"]

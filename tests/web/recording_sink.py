@@ -53,6 +53,19 @@ class RecordingSink:
     def branch(self, **changes: Any) -> None:
         self._call("branch", changes)
 
+    def start_recording(self, name: str) -> None:
+        self._call("start_recording", name)
+
+    def stop_recording(self) -> None:
+        self._call("stop_recording", None)
+
+    def recording_ids(self) -> list[str]:
+        return ["20261128-b", "20261128-a"]
+
+    def replay(self, **changes: Any) -> dict[str, Any]:
+        self._call("replay", changes)
+        return {"time_s": 0.0, "duration_s": 12.5, "state": "playing", "speed": 1.0}
+
     def set_backend(self, name: str, **options: Any) -> None:
         self._call("set_backend", (name, options))
 

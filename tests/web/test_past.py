@@ -8,6 +8,8 @@ from tests.web.recording_sink import RecordingSink
 from web.ghost import Ghost
 from web.history_panel import HistoryPanel
 from web.other_future import OtherFuture
+from web.record_panel import RecordPanel
+from web.replay_panel import ReplayPanel
 
 
 def at(snapshot: np.void, time_s: float, *, branch: int = 0, past: bool = False, force_n: float = 0.0) -> np.void:
@@ -85,3 +87,29 @@ def test_without_a_history_it_says_why(server: viser.ViserServer, sink: Recordin
     panel.update(snapshot)
     assert not panel.back.visible
     assert "cannot be set back" in panel.note.content
+
+
+def test_a_recording_under_way_is_told_and_can_be_ended(
+    server: viser.ViserServer, sink: RecordingSink, snapshot: np.void
+) -> None:
+    panel = RecordPanel(server.gui, sink)
+    panel.update(snapshot)
+    assert (panel.start.visible, panel.stop.visible) == (True, False)
+    snapshot["recording"], snapshot["recording_s"], snapshot["recording_bytes"] = b"one", 61.0, 12_340_000
+    panel.update(snapshot)
+    assert (panel.start.visible, panel.stop.visible) == (False, True)
+    assert "61 s, 12.3 MB" in panel.note.content
+
+
+def test_a_recording_that_is_shown_says_so(server: viser.ViserServer, sink: RecordingSink, snapshot: np.void) -> None:
+    panel = ReplayPanel(server.gui, sink)
+    panel.refresh()
+    assert panel.recordings.options == ("20261128-b", "20261128-a")
+    panel.show()
+    assert sink.calls[-1] == ("set_backend", ("replay", {"recording": "20261128-b"}))
+    panel.update(snapshot)
+    assert not panel.time.visible
+    snapshot["backend"] = b"replay"
+    panel.update(snapshot)
+    assert panel.time.visible
+    assert "Nothing is sent to any robot" in panel.note.content
