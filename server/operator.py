@@ -19,6 +19,7 @@ from server.backend_choice import BackendChoice, with_options
 from server.control_client import SLOW_CALL_TIMEOUT_S, ControlClient
 from server.control_process import ControlLaunch
 from server.errors import ControlDeadError, ControlTimeoutError, InvalidFieldError, RefusedError
+from server.estimate_jobs import EstimateJobs
 from server.recording_desk import RecordingDesk
 from server.robot_handle import RobotHandle
 from server.schemas import (
@@ -66,6 +67,7 @@ class Operator:
 
     Attributes:
         recordings: starts, stops and lists them.
+        estimates: of estimators that are run over recordings.
     """
 
     def __init__(
@@ -83,6 +85,7 @@ class Operator:
         self._hardware = hardware or HardwareConfig()
         self.robot = RobotHandle(client)
         self.recordings = RecordingDesk(client, recordings or RecordingFolder(default_folder()))
+        self.estimates = EstimateJobs()
         self._switching = threading.Lock()
         self._lock = threading.Lock()
         self._command = clip_command(DEFAULT_COMMAND, self.limits)
@@ -347,6 +350,7 @@ class Operator:
     def close(self) -> None:
         """End a recording, the control process, and a robot's I/O process even if the control process has died."""
         self.recordings.end()
+        self.estimates.close()
         self._client.close()
         self.robot.end()
 

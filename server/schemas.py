@@ -167,6 +167,15 @@ class RecordingRequest(RequestModel):
     note: Annotated[str, Field(max_length=1000)] = ""
 
 
+class EstimatesRequest(RequestModel):
+    """Run an estimator over a recording."""
+
+    model_config = _examples({"estimator": "gmo_cqp", "gains": {"k1": 12.0, "k2": 80.0}})
+
+    estimator: Name
+    gains: Gains = Field(default_factory=lambda: Gains(k1=1.0, k2=1.0))
+
+
 class ReplayRequest(RequestModel):
     """Any subset: where and how fast a recording is shown."""
 

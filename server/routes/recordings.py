@@ -6,10 +6,10 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Path, Response
 from fastapi.responses import FileResponse
 
-from server.answers.recordings import RecordingAnswer
+from server.answers.recordings import EstimatesAnswer, EstimatesCreatedAnswer, RecordingAnswer
 from server.dependencies import TheOperator
 from server.responses import json_response, refusals
-from server.schemas import RecordingRequest
+from server.schemas import EstimatesRequest, RecordingRequest
 from sim.recording.folder import RecordingRow
 
 router = APIRouter(prefix="/api/v1/recordings", tags=["recordings"])
@@ -56,6 +56,27 @@ def download_recording(recording_id: RecordingId, operator: TheOperator) -> Resp
     """The MCAP file of a finished one, for Foxglove, Lichtblick, Rerun or PlotJuggler."""
     path = operator.recordings.file(recording_id)
     return FileResponse(path, media_type="application/octet-stream", filename=path.name)
+
+
+@router.post(
+    "/{recording_id}/estimates",
+    status_code=202,
+    response_model=EstimatesCreatedAnswer,
+    responses=refusals(404, 409, 413, 422),
+)
+def start_estimates(recording_id: RecordingId, body: EstimatesRequest, operator: TheOperator) -> Response:
+    """Run an estimator over a finished recording, in a process of its own."""
+    gains = (body.gains.k1, body.gains.k2) if "gains" in body.model_fields_set else None
+    path = operator.recordings.file(recording_id)
+    return json_response({"id": operator.estimates.start(recording_id, path, body.estimator, gains)}, 202)
+
+
+@router.get("/{recording_id}/estimates/{estimates_id}", response_model=EstimatesAnswer, responses=refusals(404, 422))
+def get_estimates(
+    recording_id: RecordingId, estimates_id: Annotated[int, Path(ge=1, examples=[1])], operator: TheOperator
+) -> Response:
+    """How far it is, and the forces once it is done."""
+    return json_response(operator.estimates.result(recording_id, estimates_id))
 
 
 def _answer(row: RecordingRow) -> RecordingAnswer:

@@ -139,6 +139,10 @@ class McapWriter:
             self.summary.write(self._file)
             os.fsync(self._file.fileno())
 
+    def abandon(self) -> None:
+        """Leave the file as it is, without an end."""
+        self._file.close()
+
     def _add(self, records: list[McapRecord], record: McapRecord) -> None:
         self._write(record)
         records.append(record)

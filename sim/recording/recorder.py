@@ -116,6 +116,10 @@ class RecordingWriter:
         """Give the file its end."""
         self._file.close()
 
+    def abandon(self) -> None:
+        """Leave the file as it is, without an end."""
+        self._file.abandon()
+
     def _moments(self, moments: np.ndarray) -> list[np.ndarray]:
         if not len(moments):
             return []

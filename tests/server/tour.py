@@ -59,6 +59,11 @@ def tour(http: httpx.Client) -> Iterator[httpx.Response]:
     key = recording.json()["id"]
     yield call("GET", f"recordings/{key}")
     yield call("GET", f"recordings/{key}/download")
+    estimates = call("POST", f"recordings/{key}/estimates", {"estimator": "gmo_pi", "gains": {"k1": 12.0, "k2": 80.0}})
+    yield estimates
+    while (result := call("GET", f"recordings/{key}/estimates/{estimates.json()['id']}")).json()["state"] == "running":
+        time.sleep(0.1)
+    yield result
     yield call("GET", "replay")
     yield call("PUT", "backend", {"name": "replay", "options": {"recording": key}})
     yield call("PATCH", "replay", {"time_s": 0.1, "state": "paused"})

@@ -38,7 +38,7 @@ def write(path: Path, *, closed: bool = True) -> np.ndarray:
     if closed:
         writer.close()
     else:
-        writer._file.close()
+        writer.abandon()
     return forces.reshape(-1, 3)
 
 
@@ -85,7 +85,7 @@ def test_what_holds_nothing_is_said_so(tmp_path: Path) -> None:
     with pytest.raises(NoRecordingError, match="no MCAP file"):
         repair(path)
     path.unlink()
-    McapWriter(path, "test")._file.close()
+    McapWriter(path, "test").abandon()
     with pytest.raises(NoRecordingError, match="before anything was recorded"):
         repair(path)
 
