@@ -156,7 +156,7 @@ def main(words: Sequence[str] | None = None) -> int:
     try:
         export(options.files, options.output, options.task)
     except ImportError:
-        sys.stderr.write("export_lerobot: Parquet files need pyarrow; pip install \"pyarrow>=18\"\n")
+        sys.stderr.write('export_lerobot: Parquet files need pyarrow; pip install "pyarrow>=18"\n')
         return 2
     except (RecordingFormatError, OSError) as error:
         sys.stderr.write(f"export_lerobot: {error}\n")
