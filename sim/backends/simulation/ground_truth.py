@@ -22,6 +22,9 @@ _NO_FORCES = np.zeros((len(LEGS) + 1, 3))
 class GroundTruthReader:
     """Ground truth of one world."""
 
+    STATE = ()
+    SCRATCH = ("_data", "_geom_axis_y", "_contact_force")
+
     def __init__(
         self, model: mujoco.MjModel, data: mujoco.MjData, robot_bodies: tuple[str, ...], movable_bodies: tuple[str, ...]
     ) -> None:
