@@ -121,8 +121,8 @@ class MomentumResidual:
         finite: whether all of them are finite; not so when the newest tick was not.
     """
 
-    STATE = ("_observer", "_drift", "_inputs")
-    SCRATCH = ("_friction", "_momentum_inputs")
+    STATE = ("_state", "_drift", "_started", "finite", "newest", "_gains", "_implicit_gains")
+    SCRATCH = ("_friction", "_momentum_inputs", "residual", "residuals")
 
     def __init__(self, gains: ObserverGains, period_s: float, with_friction: bool) -> None:
         """Args:

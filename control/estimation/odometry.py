@@ -98,17 +98,7 @@ def _roll(
 class WheelOdometry:
     """Integrates rolling from where it was reset: origin below the base, x ahead."""
 
-    STATE = (
-        "_start_yaw_rad",
-        "_last_yaw_rad",
-        "_yaw_rad",
-        "_position",
-        "_way_m",
-        "_turned_rad",
-        "_way_from",
-        "_turned_from_rad",
-    )
-    SCRATCH = ("_velocity",)
+    STATE = ("_state",)
 
     def __init__(self, config: OdometryConfig, model: RobotModel) -> None:
         self._config = packed(ODOMETRY, config)

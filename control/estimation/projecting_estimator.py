@@ -22,7 +22,7 @@ class ProjectingEstimator(ABC):
             the next estimate overwrites it.
     """
 
-    STATE = ("_residual", "_last", "_estimated_tick", "unexplained")
+    STATE = ("momentum", "_last", "_estimated_tick", "unexplained")
 
     def __init__(self, residual: MomentumResidual) -> None:
         self.momentum = residual

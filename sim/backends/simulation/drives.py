@@ -16,7 +16,7 @@ class Drives:
     """The drives of one world. `act` before a tick, `torques` after it."""
 
     STATE = ()
-    SCRATCH = ("_bias", "_control", "_velocity", "_force", "_velocity_before")
+    SCRATCH = ("_bias", "_control", "_velocity", "_force", "_velocity_before", "_torques")
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         """Makes the actuators of `model` affine."""

@@ -15,7 +15,7 @@ class IdealSensors:
     """Reads the state of one world, once per tick."""
 
     STATE = ("_imu_velocity",)
-    SCRATCH = ("_qpos", "_qvel")
+    SCRATCH = ("_qpos", "_qvel", "_newest")
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         # MuJoCo makes a new view at every access.

@@ -182,7 +182,7 @@ def test_what_was_shared_is_shared_again() -> None:
     moment.restore()
     estimators = session.pipeline.estimators
     session.select_estimator("gmo_pi", 9.0, 40.0)
-    assert estimators["gmo_cqp"]._residual.gains.k1 == 9.0  # pyright: ignore[reportAttributeAccessIssue]
+    assert estimators["gmo_cqp"].momentum.gains.k1 == 9.0  # pyright: ignore[reportAttributeAccessIssue]
 
 
 class Mute:
