@@ -60,6 +60,10 @@ class RecordingDesk:
         self._row: RecordingRow | None = None
         folder.repair()
 
+    def ids(self) -> list[str]:
+        """Of those that are finished, newest first."""
+        return [row.id for row in self.folder.list()]
+
     def list(self) -> list[RecordingRow]:
         """The one under way, and all that are finished, newest first."""
         self._notice_end()
@@ -130,10 +134,6 @@ class RecordingDesk:
             self._finish()
             with _refusals():
                 return self.folder.get(row.id)
-
-    def ids(self) -> list[str]:
-        """Of those that are finished, newest first."""
-        return [row.id for row in self.folder.list()]
 
     def file(self, key: str) -> Path:
         """File of a finished one.

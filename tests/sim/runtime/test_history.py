@@ -129,3 +129,20 @@ def test_a_controller_that_does_not_say_what_it_carries_is_named() -> None:
     assert "Stateful" in str(run.history.trouble)
     with pytest.raises(SessionError, match="Stateful, which does not say what it carries"):
         run.history.go_back(0.0)
+
+
+def test_a_task_at_work_is_begun_again_or_refused() -> None:
+    run = Run()
+    run.forward(100)
+    run.do("start_task", name="guidance", options={})
+    run.forward(700)
+    expected = run.records[200]
+    with pytest.raises(HistoryTimeError, match="a task was at work"):
+        run.history.go_back(1.2)
+    run.history.go_back(0.3)
+    assert run.session.tasks.running
+    run.history.go_back(0.1)
+    assert not run.session.tasks.running
+    run.do("start_task", name="guidance", options={})
+    run.forward(100)
+    assert run.records[200] == expected
