@@ -16,7 +16,7 @@ test-fast:  ## laws and units: no browser, no real time, no robot wire, nothing 
 	$(PYTHON) -m pytest -m "not browser and not realtime and not hardware and not slow"
 
 bench:  ## every benchmark, the short form
-	for name in estimator estimator_contact estimator_robustness policy box_drag training loop; do \
+	for name in estimator estimator_contact estimator_robustness policy box_drag training loop recording; do \
 		$(PYTHON) -m sim.benchmarks.$$name --quick || exit 1; done
 
 build:  ## wheel and sdist in dist/, each installed and started outside the checkout

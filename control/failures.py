@@ -19,12 +19,16 @@ class FailureError(RuntimeError):
 
 @dataclass(slots=True)
 class _Failure:
+    STATE = ("reason", "tick")
+
     reason: str
     tick: int
 
 
 class Failures:
     """Who has failed, and why. A culprit is a Fault that says what it is, and its name."""
+
+    STATE = ("_failed",)
 
     def __init__(self) -> None:
         self._failed: dict[tuple[Fault, str], _Failure] = {}

@@ -121,6 +121,33 @@ class Pipeline:
         shown_slots: slot of the timetable in which each estimator but the selected one is shown.
     """
 
+    STATE = (
+        "model",
+        "_base_state",
+        "_odometry",
+        "_estimators",
+        "_controllers",
+        "hand_load",
+        "_filter",
+        "_guidance",
+        "_self_contact",
+        "_reach",
+        "_safety",
+        "_failures",
+        "controller_name",
+        "estimator_name",
+        "shown_slots",
+        "_asked_for",
+        "_tick",
+        "_estimates",
+        "_applied",
+        "_asked",
+        "_clipped",
+        "_limited",
+        "_starting",
+        "_controller_reset_due",
+    )
+
     def __init__(self, config: PipelineConfig) -> None:
         self.config = config
         self.model = RobotModel()
@@ -220,7 +247,12 @@ class Pipeline:
         self._failures.forgive(Fault.ESTIMATOR_ERROR, name)
         self.shown_slots = shown_slots(self.estimator_names, name, self.bases)
         shown = self.shown_slots.items()
-        self._asked_for = [{name} | {other for other, own in shown if own == slot} for slot in range(SLOT_COUNT)]
+        self._asked_for = [(name, *(other for other, own in shown if own == slot)) for slot in range(SLOT_COUNT)]
+
+    @property
+    def applied_command(self) -> Command:
+        """Of the last tick, after guidance, limits and filter."""
+        return self._applied
 
     @property
     def estop_latched(self) -> bool:
@@ -274,6 +306,20 @@ class Pipeline:
         joint_command, safety = self._safety.step(sensor, base, reported)
         self._tick += 1
         return PipelineOutput(joint_command, self._applied, base, odometry, hand, self._estimates, flags, safety, failures)
+
+    def estimate_alone(self, sensor: SensorFrame, mask: np.ndarray | None = None) -> ForceEstimate:
+        """Advance one tick with the selected estimator alone: no controller, no other estimator, nothing to drive.
+
+        Args:
+            sensor: newest sensor frame.
+            mask: (3,) applied at the tick before; None for the last one of `step`.
+        """
+        base = self._base_state.step(sensor)
+        self.model.update_velocity(base.linear_velocity_in_base, base.angular_velocity_in_base, sensor.joint_velocity)
+        estimator = self._estimators[self.estimator_name]
+        estimator.observe(EstimatorInput(self._tick, self.model, sensor, base, self._applied.mask if mask is None else mask))
+        self._tick += 1
+        return self._tared(self.estimator_name, estimator.estimate())
 
     def _refer(self, command: Command, hand: HandState, mass_scale: float) -> None:
         if not self._safety.in_control:

@@ -66,6 +66,29 @@ class RobotModel:
         imu_position_in_base: (3,) m.
     """
 
+    STATE = ("_load", "total_mass", "arm_mass")
+    SCRATCH = (
+        "_data",
+        "mass_matrix",
+        "coriolis_matrix",
+        "_joint_jacobian",
+        "_arm_center",
+        "_frame_positions",
+        "end_effector_position",
+        "end_effector_rotation",
+        "_configuration",
+        "rotation_base_to_world",
+        "rotation_heading_to_world",
+        "velocity",
+        "momentum",
+        "momentum_drift",
+        "gravity",
+        "arm_gravity",
+        "_points",
+        "wheel_contact_positions",
+        "wrench_jacobian",
+    )
+
     def __init__(self, mjcf: Path = ROBOT_MJCF) -> None:
         """Build the model.
 
@@ -86,7 +109,8 @@ class RobotModel:
         self.total_mass = float(pin.computeTotalMass(self._model))
         arm = [self._model.getJointId(name) for name in ARM_JOINT_NAMES]
         self.arm_mass = float(sum(self._model.inertias[joint].mass for joint in arm))
-        self._last_link, self._nominal_last_link, self._carried_kg = arm[-1], pin.Inertia(self._model.inertias[arm[-1]]), 0.0
+        self._last_link, self._nominal_last_link = arm[-1], pin.Inertia(self._model.inertias[arm[-1]])
+        self._load = 0.0, np.zeros(3)
         self.position_lower = self._model.lowerPositionLimit[self._position_rows]
         self.position_upper = self._model.upperPositionLimit[self._position_rows]
         self.joint_damping = self._model.damping[self.joint_rows]
@@ -190,13 +214,22 @@ class RobotModel:
             mass_kg: none or more.
             center_of_mass_m: (3,) in the end effector's frame.
         """
-        placement = self._model.frames[self._end_effector_frame].placement
-        load = placement.act(pin.Inertia(mass_kg, center_of_mass_m, np.zeros((3, 3))))
-        link = self._nominal_last_link + load
-        self._model.inertias[self._last_link] = link
-        added, self._carried_kg = mass_kg - self._carried_kg, mass_kg
+        added = mass_kg - self._load[0]
         self.arm_mass += added
         self.total_mass += added
+        self._load = mass_kg, np.array(center_of_mass_m, dtype=float)
+        self._put_load()
+
+    def unpack_state(self) -> None:
+        """Hang the load on again. The next update must not think that it was made already."""
+        self._put_load()
+        self._configuration[3:] = math.nan
+
+    def _put_load(self) -> None:
+        mass_kg, center_of_mass_m = self._load
+        placement = self._model.frames[self._end_effector_frame].placement
+        load = placement.act(pin.Inertia(mass_kg, center_of_mass_m, np.zeros((3, 3))))
+        self._model.inertias[self._last_link] = self._nominal_last_link + load
 
     @property
     def joint_configuration(self) -> np.ndarray:

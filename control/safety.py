@@ -185,6 +185,22 @@ class SafetyGate:
         in_control: the controller's targets act; false while damping or blending them in from the measured posture.
     """
 
+    STATE = (
+        "_estop",
+        "_handover_due",
+        "_tilted",
+        "_setpoint_stale",
+        "_targets",
+        "_targets_time_s",
+        "_refused",
+        "_applied",
+        "in_control",
+        "_starting",
+        "_blend_from",
+        "_blend_start_s",
+        "_blend_s",
+    )
+
     def __init__(self, config: SafetyConfig, model: RobotModel) -> None:
         self.config = config
         self._limits = packed(

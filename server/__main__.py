@@ -1,4 +1,5 @@
-"""`forcelens`, or `python -m server`: start the console and print where it is. `forcelens emulate` runs an emulated robot."""
+"""`forcelens`, or `python -m server`: start the console and print where it is. `forcelens emulate` runs an emulated robot,
+`forcelens record` has a running console record."""
 
 import sys
 
@@ -12,6 +13,10 @@ def main() -> int:
         from sim.emulator.__main__ import main as emulate
 
         return emulate(sys.argv[2:])
+    if sys.argv[1:2] == ["record"]:
+        from server.record_command import record
+
+        return record(sys.argv[2:])
     starting = Starting("Forcelens has stopped")
     protect_standard_streams()
     from server.command_line import run

@@ -18,8 +18,8 @@ def parser() -> argparse.ArgumentParser:
     arguments = argparse.ArgumentParser(
         prog="forcelens",
         description="Console of a robot that feels force without a sensor.",
-        epilog="forcelens emulate --help: an emulated robot for the hardware backend. "
-        "In brackets: the variable that sets a default.",
+        epilog="forcelens emulate --help: an emulated robot for the hardware backend; record --help: record a running "
+        "console. In brackets: the variable that sets a default.",
     )
     arguments.add_argument("--host", default="127.0.0.1", help="address to bind (default 127.0.0.1); others need a token")
     arguments.add_argument("--port", type=TCP_PORT, default=8080, help="TCP port, 0 to 65535 (default 8080); 0: a free one")
@@ -31,6 +31,12 @@ def parser() -> argparse.ArgumentParser:
     arguments.add_argument("--controller", default="policy", help="controller to start with (default policy)")
     arguments.add_argument("--estimator", default="hybrid", help="force estimator to start with (default hybrid)")
     arguments.add_argument("--seed", type=int, default=0, help="of the sensors' errors (default 0)")
+    arguments.add_argument(
+        "--data", type=Path, help="data folder, for recordings; default: FORCELENS_DATA, or where XDG puts it"
+    )
+    arguments.add_argument(
+        "--data-budget", type=float, default=20.0, metavar="GB", help="most that recordings take (default 20)"
+    )
     arguments.add_argument("--no-browser", action="store_true", help="do not open the page")
     arguments.add_argument("--log-level", choices=LEVELS, default="info", help="from which on it is logged (default info)")
     arguments.add_argument("--log-json", action="store_true", help="log one JSON object per line")
@@ -67,6 +73,7 @@ def _serve(arguments: argparse.Namespace, listener: socket.socket, starting: Sta
     from server.errors import ServerError
     from server.runner import serve
     from sim.backends.hardware.config import HardwareConfig
+    from sim.recording.folder import RecordingFolder, default_folder
     from sim.runtime.simulation import SimulationConfig
 
     def announce(address: str) -> None:
@@ -85,6 +92,10 @@ def _serve(arguments: argparse.Namespace, listener: socket.socket, starting: Sta
                 pipeline=PipelineConfig(controller=arguments.controller, estimator=arguments.estimator),
             ),
             log=LogConfig(arguments.log_level, arguments.log_json),
+            recordings=RecordingFolder(
+                default_folder() if arguments.data is None else arguments.data / "recordings",
+                round(1e9 * arguments.data_budget),
+            ),
             hardware=with_options(
                 HardwareConfig(),
                 {name: getattr(arguments, name) for name in ("domain", "interface", "arm_host", "arm_port", "allow_robot")},

@@ -7,6 +7,7 @@ from pathlib import Path
 from server.access import LOOPBACK_NAMES
 from server.logs import LogConfig
 from sim.backends.hardware.config import HardwareConfig
+from sim.recording.folder import RecordingFolder, default_folder
 from sim.runtime.simulation import SimulationConfig
 
 
@@ -26,6 +27,7 @@ class ServerConfig:
         session: what the control process steps.
         hardware: the robot that the hardware backend drives unless told otherwise.
         log: what the console and its control process log.
+        recordings: where they lie, and how much they may take.
 
     Raises:
         ConfigError: another address than loopback without a token.
@@ -38,6 +40,7 @@ class ServerConfig:
     session: SimulationConfig = field(default_factory=SimulationConfig)
     hardware: HardwareConfig = field(default_factory=HardwareConfig)
     log: LogConfig = field(default_factory=LogConfig)
+    recordings: RecordingFolder = field(default_factory=lambda: RecordingFolder(default_folder()))
 
     def __post_init__(self) -> None:
         if self.token is None and not is_loopback(self.host):

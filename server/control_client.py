@@ -20,6 +20,7 @@ from server.setpoint import default_setpoint
 from sim.processes import shared_record
 from sim.processes.shared_record import SharedRecord
 from sim.processes.starting import deaf_children
+from sim.recording import tap
 from sim.runtime.snapshot import SETPOINT, SNAPSHOT
 
 START_TIMEOUT_S = 60.0
@@ -36,6 +37,7 @@ class ControlClient:
 
     Attributes:
         estops: asks for an e-stop, whatever the control process is doing.
+        tap_memory: where the control process tells a recorder of its ticks.
 
     Args:
         launch: what the first process is started with.
@@ -48,10 +50,12 @@ class ControlClient:
             shared_record.allocate(SNAPSHOT),
             shared_record.allocate(SETPOINT),
             estop_lane.allocate(),
+            tap.allocate(),
         )
         self._state = SharedRecord(self._memories[0], SNAPSHOT)
         self._setpoints = SharedRecord(self._memories[1], SETPOINT)
         self.estops = EstopLane(self._memories[2])
+        self.tap_memory = self._memories[3]
         self._setpoint = default_setpoint()
         self._setpoint_lock = threading.Lock()
         self._restart_lock = threading.Lock()

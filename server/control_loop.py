@@ -6,6 +6,7 @@ Running, pausing and stepping are the loop's own (server.run_control); everythin
 import gc
 import logging
 import time
+from collections.abc import Callable
 from multiprocessing.connection import Connection
 from typing import Any
 
@@ -14,13 +15,20 @@ import numpy as np
 from control.timing import CONTROL_PERIOD_S, TICK_S, Job, due
 from server.estop_lane import EstopLane
 from server.event_port import EventPort
+from server.history_events import BRANCH, HISTORY_EVENTS, HistoryEvents
 from server.messages import Event, Outcome, Reply
 from server.pacing import LoopStatistics, Pacer
 from server.run_control import RunControl
-from server.session_events import SLOW_EVENTS, EventError, SessionEvents
+from server.session_events import READING_EVENTS, SLOW_EVENTS, EventError, SessionEvents
 from server.setpoint import default_setpoint, released
 from sim.backends.protocol import Backend, BackendError
 from sim.processes.shared_record import SharedRecord
+from sim.recording import tap as tap_module
+from sim.recording.describe import describe_session
+from sim.recording.description import Description
+from sim.recording.tap import Tap
+from sim.runtime.history import History
+from sim.runtime.replay_session import ReplaySession
 from sim.runtime.session import Session
 from sim.runtime.simulation import Simulation
 from sim.runtime.snapshot import SNAPSHOT, Mode
@@ -29,6 +37,7 @@ NOTED_HOLD_S = 0.05
 
 _RESTARTING = frozenset({"reset", "set_scene"})
 _CLEAR = "clear_estop"
+_ERRORS_TRACKED = {"interval_s": CONTROL_PERIOD_S}
 _SEEN_AFTER_A_TICK = _RESTARTING | {_CLEAR}
 """A hold makes one tick after these, so that the new state is seen."""
 
@@ -47,6 +56,7 @@ class ControlLoop:
         pacer: keeps time; its period is set here.
         paused: start in a hold instead of running.
         realtime: whether real-time scheduling was granted, for the snapshot.
+        tap: where a recorder listens.
     """
 
     def __init__(
@@ -60,9 +70,15 @@ class ControlLoop:
         *,
         paused: bool,
         realtime: bool,
+        tap: Tap | None = None,
     ) -> None:
         self._session = session
         self._events = SessionEvents(session)
+        self._history = History(session) if isinstance(session, Simulation) else None
+        self._history_events = HistoryEvents(session, self._history)
+        self._tap = tap or Tap(tap_module.allocate())
+        self._tapped_ticks = 0  # of the recording, when its last moment was put
+        self._pipeline_resets = session.pipeline_resets
         self._state = state
         self._setpoints = setpoints
         self._estops = estops
@@ -114,6 +130,7 @@ class ControlLoop:
         asked = self._estops.asked
         try:
             self._session.estop()
+            self._happened("estop", self._session.estop, {})
         except BackendError:
             _log.exception("the backend did not take the e-stop")
         self._end_step("the e-stop was pressed")
@@ -131,18 +148,25 @@ class ControlLoop:
 
     def _tick(self) -> None:
         setpoint = (released(self._setpoint) if self._setpoint[0]["sequence"] == self._void_sequence else self._setpoint)[0]
+        age_s = _age_s(setpoint)
         try:
-            self._session.tick_setpoint(setpoint, _age_s(setpoint))
+            self._session.tick_setpoint(setpoint, age_s)
         except BackendError as error:
             _log.error("the backend failed: %s", error)
             self._failure = str(error)
             self._urgent_publish = True
             self._end_step(self._failure)
             return
+        if self._history is not None:
+            self._history.ticked(setpoint, age_s)
+        if self._tap.active:
+            self._record_tick()
         self._idle = 0
         self._ticks = round(self._session.time_s / TICK_S)
         if due(Job.LIVE_ERRORS, self._ticks - 1):
             self._session.track_errors(CONTROL_PERIOD_S)
+            if self._history is not None:
+                self._history.happened(self._session.track_errors, _ERRORS_TRACKED)
         step = self._run.ticked()
         if step is not None:
             self._urgent_publish = True
@@ -164,8 +188,19 @@ class ControlLoop:
         self._void_sequence = int((self._setpoint if newest is None else newest)[0]["sequence"])
 
     def _publish(self) -> None:
-        record = self._record
-        self._session.fill(record)
+        record, history = self._record, self._history
+        past = None if history is None else history.shown
+        if past is None:
+            self._session.fill(record)
+            record["history_start_s"] = record["history_end_s"] = np.nan
+        else:
+            self._snapshot[0] = past
+            record["mode"] = self._session.mode
+        if past is not None or isinstance(self._session, ReplaySession):
+            self._statistics = None  # those in the record are not of now
+        if history is not None:
+            record["history_start_s"], record["history_end_s"] = history.start_s, history.end_s
+            record["branch"], record["past"] = history.branch, past is not None
         self._sequence += 1
         record["sequence"] = self._sequence
         record["wall_time_s"] = time.time()
@@ -190,7 +225,15 @@ class ControlLoop:
             record["held_s"] = statistics.held_s
             record["lateness_p99_ms"] = statistics.lateness_p99_ms
             record["tick_median_us"] = statistics.tick_median_us
+        tap = self._tap
+        record["recording"] = tap.name if tap.active else b""
+        record["recording_s"], record["recording_bytes"] = TICK_S * tap.count, tap.size_bytes
         self._state.write(self._snapshot)
+        if tap.active and past is None and tap.count > self._tapped_ticks:
+            self._tapped_ticks = tap.count
+            tap.put_moment(record)
+        if history is not None and past is None:
+            history.published(record)
         self._urgent_publish = False
 
     def _serve_events(self) -> None:
@@ -209,7 +252,16 @@ class ControlLoop:
                 return
             if event.name == _CLEAR:
                 self._require_no_later_estop(event.arguments.pop("estops"))
-            value = self._set_run(**event.arguments) if event.name == "run" else self._call_session(event)
+            if event.name == "start_recording":
+                value = self._start_recording(**event.arguments)
+            elif event.name == "replay":
+                value = self._replay(**event.arguments)
+            elif event.name == "run":
+                value = self._set_run(**event.arguments)
+            elif event.name in HISTORY_EVENTS:
+                value = self._look_back(event)
+            else:
+                value = self._call_session(event)
             self._answers.append((event, Outcome.DONE, value))
         except EventError as error:
             self._answers.append((event, error.outcome, str(error)))
@@ -226,12 +278,16 @@ class ControlLoop:
             if event.name in SLOW_EVENTS:
                 self._pacer.excuse()
         if event.name in _RESTARTING:
+            if self._history is not None:
+                self._history.clear()
             self._end_step(f"{event.name} came between")
             self._void_setpoint()
             self._failure = None
             gc.collect()
             gc.freeze()
             self._pacer.excuse()
+        elif event.name not in READING_EVENTS:
+            self._happened(event.name, self._events.offered[event.name], event.arguments)
         if event.name in _SEEN_AFTER_A_TICK:
             self._run.show_one()
         held_s = time.perf_counter() - started
@@ -239,12 +295,69 @@ class ControlLoop:
             _log.info("%s held the loop for %.0f ms", event.name, 1e3 * held_s)
         return value
 
+    def _replay(self, time_s: float | None = None, state: str | None = None, speed: float | None = None) -> dict[str, Any]:
+        session: Any = self._session
+        if not isinstance(session, ReplaySession):
+            raise EventError(Outcome.REFUSED, "no recording is shown; PUT /api/v1/backend with 'replay' and its id first")
+        ended = session.time_s >= session.duration_s
+        try:
+            session.seek(
+                0.0 if time_s is None and state == "playing" and ended else session.time_s if time_s is None else time_s
+            )
+        except ValueError as error:
+            raise EventError(Outcome.INVALID, str(error)) from error
+        run = self._run.set({"playing": "running", "paused": "paused", None: None}[state], speed)
+        self._pace()
+        playing = run["state"] == "running" and session.time_s < session.duration_s
+        return {
+            "time_s": session.time_s,
+            "duration_s": session.duration_s,
+            "state": "playing" if playing else "paused",
+            "speed": run["speed"],
+        }
+
+    def _look_back(self, event: Event) -> dict[str, Any]:
+        if event.name == BRANCH and self._tap.active:
+            raise EventError(Outcome.REFUSED, "a recording is under way, and time runs on in it; stop it first")
+        value = self._history_events.carry_out(event.name, event.arguments, running=self._run.running)
+        if event.name == BRANCH:
+            self._pacer.excuse()
+            self._end_step("the simulation was set back")
+            self._failure = None
+        return value
+
+    def _happened(self, name: str, call: Callable[..., Any], arguments: dict[str, Any]) -> None:
+        if self._history is not None:
+            self._history.happened(call, arguments)
+        if self._tap.active:
+            self._tap.put_event(name, arguments)
+
+    def _record_tick(self) -> None:
+        if self._session.pipeline_resets != self._pipeline_resets:
+            self._pipeline_resets = self._session.pipeline_resets
+            self._tap.put_event("reset", {})
+        self._tap.put_tick(self._session)
+
+    def _start_recording(self, name: str) -> tuple[Description, tuple[int, int]]:
+        """Its description, and where the rings of moments and events stood before it."""
+        if isinstance(self._session, ReplaySession):
+            raise EventError(Outcome.REFUSED, "a recording is shown; PUT /api/v1/backend with 'simulation' first")
+        if self._tap.active:
+            raise EventError(Outcome.REFUSED, "a recording is under way; DELETE /api/v1/recordings/current first")
+        description = describe_session(self._session)
+        heads = self._tap.moments.head, self._tap.events.head
+        self._pipeline_resets = self._session.pipeline_resets
+        self._tapped_ticks = 0
+        self._tap.start(name)
+        self._pacer.excuse()
+        return description, heads
+
     def _require_no_later_estop(self, cleared: int) -> None:
         if self._estops.asked != cleared:
             raise EventError(Outcome.REFUSED, "the e-stop was pressed again meanwhile; POST /api/v1/estop/clear once more")
 
     def _require_simulation(self, what: str) -> None:
-        if not isinstance(self._session, Simulation):
+        if not isinstance(self._session, Simulation | ReplaySession):
             raise EventError(Outcome.REFUSED, f"{what}: simulation only; a robot cannot be held still or sped up by its clock")
 
     def _require_sound_backend(self) -> None:

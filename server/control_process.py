@@ -23,6 +23,7 @@ from sim.backends.protocol import Backend, BackendError
 from sim.processes.realtime import request_realtime
 from sim.processes.shared_record import SharedRecord
 from sim.processes.standard_streams import protect_standard_streams
+from sim.recording.tap import Tap
 from sim.runtime.session import Session
 from sim.runtime.simulation import Simulation, SimulationConfig
 from sim.runtime.snapshot import SETPOINT, SNAPSHOT
@@ -52,7 +53,7 @@ class ControlLaunch:
 
 
 def control_process(
-    launch: ControlLaunch, state_memory: Any, setpoint_memory: Any, estop_memory: Any, pipe: Connection
+    launch: ControlLaunch, state_memory: Any, setpoint_memory: Any, estop_memory: Any, tap_memory: Any, pipe: Connection
 ) -> None:
     """Run until closed. Errors that end it go through the pipe before it dies with them."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -73,6 +74,7 @@ def control_process(
             Pacer(TICK_S),
             paused=launch.paused,
             realtime=request_realtime(FIFO_PRIORITY),
+            tap=Tap(tap_memory),
         )
         gc.collect()
         gc.freeze()

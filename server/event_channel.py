@@ -24,7 +24,7 @@ _FIELD_OF_EVENT = {
     "set_tool": "center_of_mass_m",
     "reset": "keyframe",
     "drive": "request",
-}
+} | dict.fromkeys(("seek", "branch", "replay"), "time_s")
 """What is left for the session to refuse after the request's own checks; of the others it is `name`."""
 
 _log = logging.getLogger(__name__)

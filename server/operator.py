@@ -7,9 +7,9 @@ import contextlib
 import logging
 import threading
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from concurrent.futures import Future
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import Any, Literal
 
 import numpy as np
@@ -20,10 +20,15 @@ from server.backend_choice import BackendChoice, with_options
 from server.control_client import SLOW_CALL_TIMEOUT_S, ControlClient
 from server.control_process import ControlLaunch
 from server.errors import ControlDeadError, ControlTimeoutError, InvalidFieldError, RefusedError
-from server.fields import in_words
+from server.estimate_jobs import EstimateJobs
+from server.hand_load_calls import HandLoadCalls
 from server.leadership import Leadership, needs_lease
+from server.past_handle import PastHandle
+from server.recording_desk import RecordingDesk
 from server.robot_handle import RobotHandle
+from server.scene_parameters import require_parameters
 from server.schemas import BackendRequest, CommandPatch, MismatchRequest, RunRequest, StepRequest, WrenchRequest
+from server.selection import Selection
 from server.task_handle import TaskHandle
 from server.validation import validated
 from sim.backends.hardware.backend import unavailable_because
@@ -31,34 +36,38 @@ from sim.backends.hardware.config import HardwareConfig
 from sim.backends.hardware.states import ACTIVE
 from sim.backends.hardware.status import HardwareStatus
 from sim.backends.simulation.mismatch import Mismatch
+from sim.recording.folder import RecordingFolder, default_folder
 from sim.runtime.fault_words import ESTOP_LATCHED
 from sim.runtime.snapshot import COMMAND, Mode, command_from_record, command_to_record, on_hardware
 from sim.scenes import SCENE_NAMES, draw
-from sim.scenes import parameters as scene_parameters
 
 _log = logging.getLogger(__name__)
 
 Choices = dict[str, Any]
 
 
-@dataclass(frozen=True, slots=True)
-class Selection:
-    """What the snapshot does not carry: the newest gains and mismatch that were asked for."""
-
-    gains: tuple[float, float] | None = None
-    mismatch: Mismatch = field(default_factory=Mismatch)
-
-
-class Operator:
+class Operator(HandLoadCalls):
     """Acts on one control process. Whatever changes something needs the lease, but the e-stop, which is anyone's.
 
     Args:
         client: handle on the control process.
         launch: what the control process was started with; it drives the simulation.
         hardware: the robot that `set_backend` means when nothing else is said.
+        recordings: where they go, by default into the user's data folder.
+
+    Attributes:
+        past: what was, shown and gone on from.
+        recordings: starts, stops and lists them.
+        estimates: of estimators that are run over recordings.
     """
 
-    def __init__(self, client: ControlClient, launch: ControlLaunch, hardware: HardwareConfig | None = None) -> None:
+    def __init__(
+        self,
+        client: ControlClient,
+        launch: ControlLaunch,
+        hardware: HardwareConfig | None = None,
+        recordings: RecordingFolder | None = None,
+    ) -> None:
         self.limits: CommandLimits = launch.session.pipeline.limits
         self.selection = Selection()
         self.started_s = time.monotonic()
@@ -68,6 +77,9 @@ class Operator:
         self.robot = RobotHandle(client)
         self.leadership = Leadership(self._stop_base)
         self.tasks = TaskHandle(client, self.leadership, lambda: self.command()[1])
+        self.past = PastHandle(client, self.leadership, self._require_choice, self._note_selection)
+        self.recordings = RecordingDesk(client, self.leadership, recordings or RecordingFolder(default_folder()))
+        self.estimates = EstimateJobs()
         self._switching = threading.Lock()
         self._lock = threading.RLock()
         self._command = clip_command(DEFAULT_COMMAND, self.limits)
@@ -127,6 +139,8 @@ class Operator:
         self._client.require_alive()
         if self._latched():
             raise RefusedError(ESTOP_LATCHED)
+        if self.robot.choice.recording is not None:
+            raise RefusedError("a recording is shown, which obeys nobody; PUT /api/v1/backend with 'simulation' first")
         changes = {name: np.array(value, dtype=float) if name != "guidance" else value for name, value in patch.items()}
         with self._lock:
             if not changes:
@@ -219,26 +233,6 @@ class Operator:
         self._client.call("remove_wrench", key=key)
 
     @needs_lease
-    def tare(self) -> None:
-        """Make what the free hand reads its zero."""
-        self._client.call("tare")
-
-    @needs_lease
-    def clear_tare(self) -> None:
-        """Take nothing from the estimates any more."""
-        self._client.call("clear_tare")
-
-    @needs_lease
-    def set_tool(self, mass_kg: float, center_of_mass_m: Sequence[float]) -> None:
-        """Tell controller and estimators what the hand carries."""
-        self._client.call("set_tool", mass_kg=mass_kg, center_of_mass_m=list(center_of_mass_m))
-
-    @needs_lease
-    def identify_tool(self) -> None:
-        """Begin the motion that finds what the hand carries."""
-        self._client.call("identify_tool")
-
-    @needs_lease
     def set_backend(self, name: str, **options: Any) -> None:
         """Drive the simulation or a robot, with a fresh control process; `options` as BackendChoice.options.
 
@@ -256,6 +250,10 @@ class Operator:
             reason = unavailable_because()
             if reason is not None:
                 raise RefusedError(f"backend 'hardware' is not available: {reason}")
+        elif name == "replay":
+            if "recording" not in request["options"]:
+                raise InvalidFieldError("options.recording", "is missing", "an id of GET /api/v1/recordings")
+            choice = BackendChoice(recording=self.recordings.file(request["options"]["recording"]))
         with self._switch():
             if choice == self.robot.choice and self._client.alive:
                 return
@@ -265,11 +263,11 @@ class Operator:
             try:
                 self._start(choice, paused=False)
             except (ControlDeadError, ControlTimeoutError) as error:
-                if choice.hardware is None:
+                if choice == BackendChoice():
                     raise
                 reason = self._client.death or str(error)
                 self._start(BackendChoice(), paused=False)
-                raise RefusedError(f"backend 'hardware' cannot be used: {reason}. The simulation runs instead") from None
+                raise RefusedError(f"backend {name!r} cannot be used: {reason}. The simulation runs instead") from None
 
     @needs_lease
     def drive(self, request: str) -> HardwareStatus:
@@ -331,7 +329,7 @@ class Operator:
     @needs_lease
     def reset(self, seed: int | None = None, keyframe: str = "stand") -> None:
         """Put the simulated robot back, and the command to its default."""
-        self._require_choice("keyframes", keyframe)
+        self._require_choice("keyframes", keyframe, "keyframe")
         self._client.call("reset", SLOW_CALL_TIMEOUT_S, seed=seed, keyframe=keyframe)
         self._hold()
 
@@ -371,7 +369,9 @@ class Operator:
             self._start(self.robot.choice, paused=True)
 
     def close(self) -> None:
-        """End the control process, and a robot's I/O process even if the control process has died."""
+        """End a recording, the control process, and a robot's I/O process even if the control process has died."""
+        self.recordings.end()
+        self.estimates.close()
         self._client.close()
         self.robot.end()
 
@@ -389,7 +389,7 @@ class Operator:
         session = self._launch.session
         snapshot = self._client.snapshot()
         estopped = self._latched()
-        if snapshot is not None:
+        if snapshot is not None and self.robot.choice.recording is None:
             pipeline = replace(
                 session.pipeline, controller=snapshot["controller"].decode(), estimator=snapshot["estimator"].decode()
             )
@@ -397,6 +397,7 @@ class Operator:
             if not on_hardware(snapshot):
                 session = replace(session, scene=snapshot["scene"].decode())
         self._hold()
+        self.recordings.end()
         self.selection = Selection()
         self.robot.choice = choice
         self._client.restart(session=session, estopped=estopped, **choice.launch(paused=paused))
@@ -424,30 +425,14 @@ class Operator:
         snapshot = self._client.snapshot()
         return self._client.estops.pending or (snapshot is not None and snapshot["mode"] == Mode.ESTOP)
 
-    def _require_choice(self, kind: str, name: str) -> None:
+    def _note_selection(self, selection: Selection) -> None:
+        self.selection = selection
+
+    def _require_choice(self, kind: str, name: str, field: str = "name") -> None:
         choices = self.available()[kind]
         # What is not offered at all, the session refuses with what to do.
         if choices and name not in choices:
-            raise InvalidFieldError(
-                "name" if kind != "keyframes" else "keyframe", f"{name!r} does not exist", ", ".join(choices)
-            )
-
-
-def require_parameters(scene: str, values: Mapping[str, float]) -> None:
-    """
-    Raises:
-        InvalidFieldError: a scene has no such parameter, or not with this value.
-        RefusedError: nothing is known of what stands around the robot.
-    """
-    if scene not in SCENE_NAMES:
-        raise RefusedError("the scene: simulation only; PUT /api/v1/backend with 'simulation' first")
-    known = {parameter.name: parameter for parameter in scene_parameters(scene)}
-    for key, value in values.items():
-        if key not in known:
-            raise InvalidFieldError(f"parameters.{key}", "is unknown", ", ".join(known) or "none")
-        limits = known[key].minimum, known[key].maximum
-        if not limits[0] <= value <= limits[1]:
-            raise InvalidFieldError(f"parameters.{key}", "is outside the allowed range", in_words(limits))
+            raise InvalidFieldError(field, f"{name!r} does not exist", ", ".join(choices))
 
 
 def _plain(value: Any) -> Any:

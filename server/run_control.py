@@ -7,6 +7,7 @@ from server.messages import Event, Outcome
 from server.session_events import EventError
 
 SPEED_RANGE = (0.1, 4.0)
+REPLAY_SPEED_RANGE = (0.1, 8.0)
 MAX_STEPS = 5000
 """Ten seconds: steps are made at the pace of the robot's own time, whatever the speed."""
 

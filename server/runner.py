@@ -24,7 +24,7 @@ def serve(config: ServerConfig, listener: socket.socket, announce: Callable[[str
     configure(config.log, "console")
     launch = ControlLaunch(session=config.session, log=config.log)
     client = ControlClient(launch)
-    operator = Operator(client, launch, config.hardware)
+    operator = Operator(client, launch, config.hardware, config.recordings)
     client.start()
     try:
         # Takes a second to import, in which the control process starts.

@@ -9,7 +9,7 @@ from control.command.limits import CommandLimits
 from control.hand_load.tool import MAX_TOOL_CENTER_M, MAX_TOOL_KG
 from control.timing import TICK_S
 from server.fields import Mask, Number, RequestModel, Vector
-from server.run_control import MAX_STEPS, SPEED_RANGE
+from server.run_control import MAX_STEPS, REPLAY_SPEED_RANGE, SPEED_RANGE
 from sim.backends.simulation.mismatch import MASS_SCALE_RANGE, PAYLOAD_RANGE_KG
 from sim.runtime.snapshot import MAX_PARAMETERS
 
@@ -25,6 +25,7 @@ _ANY_POINT = Vector(((-2.0, 2.0),) * 3, "m")
 _TOOL_CENTER = Vector(((-MAX_TOOL_CENTER_M, MAX_TOOL_CENTER_M),) * 3, "m")
 _DURATION = Number((TICK_S, 600.0), "s")
 _GAIN = Number((0.1, 1000.0))
+_TIME = Number((0.0, 1e9), "s")
 _SEED = Number((0, 2**31 - 1))
 
 MAX_LINKS = 64
@@ -95,14 +96,19 @@ class BackendOptions(RequestModel):
     interface: Name = Field(default_factory=str, description="network interface that leads to the base")
     arm_host: Name = Field(default_factory=str, description="address of the arm's z1_ctrl")
     arm_port: Annotated[int, Number((1, 65534))] = Field(default_factory=int, description="z1_ctrl listens here")
+    recording: Name = Field(default_factory=str, description="id of the recording to replay")
 
 
 class BackendRequest(RequestModel):
-    """Choose what the pipeline drives. `options` are the robot's."""
+    """Choose what the pipeline drives, or a recording to show. `options` are the robot's, or the recording's id."""
 
-    model_config = _examples({"name": "hardware", "options": {"dry_run": True}}, {"name": "simulation"})
+    model_config = _examples(
+        {"name": "hardware", "options": {"dry_run": True}},
+        {"name": "simulation"},
+        {"name": "replay", "options": {"recording": "20261128-231500-000-push"}},
+    )
 
-    name: Literal["simulation", "hardware"]
+    name: Literal["simulation", "hardware", "replay"]
     options: BackendOptions = Field(default_factory=BackendOptions)
 
 
@@ -197,6 +203,56 @@ class ToolRequest(RequestModel):
 
     mass_kg: Annotated[float, Number((0.0, MAX_TOOL_KG), "kg")]
     center_of_mass_m: Annotated[list[float], _TOOL_CENTER] = Field(description="in the end effector's frame")
+
+
+class RecordingRequest(RequestModel):
+    """Start a recording."""
+
+    model_config = _examples({"name": "push", "note": "with the new gains"}, {})
+
+    name: Annotated[str, Field(max_length=64)] = ""
+    note: Annotated[str, Field(max_length=1000)] = ""
+
+
+class EstimatesRequest(RequestModel):
+    """Run an estimator over a recording."""
+
+    model_config = _examples({"estimator": "gmo_cqp", "gains": {"k1": 12.0, "k2": 80.0}})
+
+    estimator: Name
+    gains: Gains = Field(default_factory=lambda: Gains(k1=1.0, k2=1.0))
+
+
+class ReplayRequest(RequestModel):
+    """Any subset: where and how fast a recording is shown."""
+
+    model_config = _examples({"time_s": 3.5, "state": "paused"}, {"speed": 8})
+
+    time_s: Annotated[float, _TIME] = Field(default_factory=float, description="since the recording's start")
+    state: Literal["playing", "paused"] = Field(default_factory=lambda: "playing")
+    speed: Annotated[float, Number(REPLAY_SPEED_RANGE)] = Field(default_factory=float, description="1: as it happened")
+
+
+class SeekRequest(RequestModel):
+    """Show a moment of the last minute."""
+
+    model_config = _examples({"time_s": 1.2})
+
+    time_s: Annotated[float, _TIME] = Field(description="simulated time")
+
+
+class BranchRequest(RequestModel):
+    """Go on from a moment of the last minute, with something changed."""
+
+    model_config = _examples({"time_s": 1.2, "estimator": "adaptive"}, {"controller": "model_based", "mass_scale": 1.2}, {})
+
+    time_s: Annotated[float, _TIME] = Field(default_factory=float, description="simulated time; left out: of what is shown")
+    controller: Name = Field(default_factory=str, description="from then on")
+    estimator: Name = Field(default_factory=str, description="from then on")
+    gains: Gains = Field(default_factory=lambda: Gains(k1=1.0, k2=1.0))
+    mass_scale: Annotated[float, Number(MASS_SCALE_RANGE)] = Field(
+        default_factory=float, description="of the simulated robot; the estimator is not told"
+    )
 
 
 class WrenchRequest(RequestModel):

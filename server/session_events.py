@@ -16,8 +16,13 @@ from sim.runtime.session import Session, SessionError
 from sim.runtime.simulation import Simulation
 from sim.scenes import SCENE_NAMES
 
-SLOW_EVENTS = frozenset({"reset", "set_scene", "set_parameters", "select_controller", "set_mismatch"})
+SLOW_EVENTS = frozenset(
+    {"reset", "set_scene", "set_parameters", "select_controller", "set_mismatch", "branch", "start_recording"}
+)
 """Known to take longer than a tick; the loop excuses them."""
+
+READING_EVENTS = frozenset({"list_wrenches", "get_task"})
+"""Change nothing."""
 
 _SIMULATION_ONLY = {
     "reset": "reset",
@@ -54,6 +59,7 @@ def describe(session: Session[Backend]) -> dict[str, Any]:
         "backends": [
             {"name": "simulation", "available": True, "reason": None},
             {"name": "hardware", "available": reason is None, "reason": reason},
+            {"name": "replay", "available": True, "reason": None},
         ],
     }
 
@@ -89,10 +95,14 @@ def offered_events(session: Session[Backend]) -> dict[str, Callable[..., Any]]:
 
 
 class SessionEvents:
-    """Carries out events on one session, between two ticks."""
+    """Carries out events on one session, between two ticks.
+
+    Attributes:
+        offered: what each event calls, by its name.
+    """
 
     def __init__(self, session: Session[Backend]) -> None:
-        self._offered: Mapping[str, Callable[..., Any]] = offered_events(session)
+        self.offered: Mapping[str, Callable[..., Any]] = offered_events(session)
 
     def carry_out(self, name: str, arguments: dict[str, Any]) -> Any:
         """Call the session.
@@ -100,10 +110,10 @@ class SessionEvents:
         Raises:
             EventError: refused or invalid; the message says why and what to do.
         """
-        if name not in self._offered:
+        if name not in self.offered:
             raise EventError(Outcome.REFUSED, _NOT_OFFERED[name])
         try:
-            return self._offered[name](**arguments)
+            return self.offered[name](**arguments)
         except (SessionError, BackendError) as error:
             raise EventError(Outcome.REFUSED, str(error)) from error
         except ValueError as error:

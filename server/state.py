@@ -13,7 +13,7 @@ import numpy as np
 from control.joints import JOINT_NAMES, LEGS
 from control.types import Command
 from server.answers.command import CommandAnswer, CommandFields
-from server.answers.state import Base, Contact, Drive, EndEffector, Joints, Loop, Odometry, TaskState
+from server.answers.state import Base, Contact, CurrentRecording, Drive, EndEffector, Joints, Loop, Odometry, TaskState
 from server.answers.tasks import OutcomeName
 from server.silence import NO_SILENCE, Silence
 from sim.backends.hardware.states import DriveState
@@ -132,6 +132,16 @@ def _drive(record: np.void) -> Drive | None:
     }
 
 
+def _recording(record: np.void) -> CurrentRecording | None:
+    if not record["recording"]:
+        return None
+    return {
+        "id": record["recording"].decode(),
+        "duration_s": float(record["recording_s"]),
+        "size_bytes": int(record["recording_bytes"]),
+    }
+
+
 def loop_json(record: np.void) -> Loop:
     """How the control loop keeps time."""
     return {
@@ -197,6 +207,7 @@ SECTIONS: dict[str, Callable[[np.void], Any]] = {
     "estimator_flags": lambda record: [str(flag.name) for flag in estimator_flags(record)],
     "readings": lambda record: {name: _number(value) for name, value in named(record, "reading").items()},
     "task": _task,
+    "recording": _recording,
     "loop": loop_json,
 }
 ALWAYS = ("sequence", "time_s", "mode", "faults")

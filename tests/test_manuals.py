@@ -14,7 +14,17 @@ MANUALS = sorted(ROOT.glob("*.md")) + sorted(
     path for part in ("control", "sim", "web", "server") for path in (ROOT / part).rglob("README.md")
 )
 README_LINES = 130
-INTERNAL = {"heading_yaw", "held_s", "rebases", "realtime_scheduling", "speed"}
+INTERNAL = {
+    "heading_yaw",
+    "held_s",
+    "rebases",
+    "realtime_scheduling",
+    "speed",
+    "history_start_s",
+    "history_end_s",
+    "past",
+    "branch",
+}
 """Of the snapshot: bookkeeping of the page and the loop, told in the schema of `GET /api/v1/state` where REST has it."""
 DRAWN = ("_in_world", "object_", "drag_", "policy_", "drive_", "dry_run")
 """Of the snapshot: what only the scene or a panel draws."""

@@ -9,6 +9,7 @@ from viser import uplot
 from control.frames import AXES
 from web import theme
 from web.history import History
+from web.other_future import OtherFuture
 
 WINDOW_S = 10.0
 SAMPLE_PERIOD_S = 0.05
@@ -39,14 +40,17 @@ class ForceHistory:
         """Largest absolute force component in the history, N; zero when there is none."""
         return self._history.largest()
 
-    def series(self, axis: int) -> tuple[np.ndarray, ...]:
-        """Age in s (n,), negative, then (n,) in N of one axis: true, estimated, commanded, upper and lower edge of the band.
+    def series(self, axis: int, future: OtherFuture | None = None) -> tuple[np.ndarray, ...]:
+        """Age in s (n,), negative, then (n,) in N of one axis: true, estimated, commanded, upper and lower edge of the band,
+        and what was estimated in another future.
 
         Where the estimate came without a standard deviation the band has no width.
         """
         true, estimated, commanded, sigma = self._history.values[:, axis::3].T
         half_width = theme.SHOWN_SIGMAS * np.nan_to_num(sigma)
-        return self._history.age_s, true, estimated, commanded, estimated + half_width, estimated - half_width
+        times = self._history.time_s
+        other = np.full(len(times), np.nan) if future is None else future.force_estimated_n(times)[:, axis]
+        return self._history.age_s, true, estimated, commanded, estimated + half_width, estimated - half_width, other
 
 
 def _scales(range_n: float) -> dict[str, uplot.Scale]:
@@ -70,6 +74,7 @@ class ForceCharts:
         series = [uplot.Series(label="age [s]")]
         series += [uplot.Series(label=name, stroke=theme.css(color), width=width) for name, color, width in _TRACES]
         series += [uplot.Series(label=name, width=0.0) for name in ("upper", "lower")]
+        series += [uplot.Series(label="before it was set back", stroke=theme.css(theme.ESTIMATED), width=1.2, dash=(5, 4))]
         empty = np.array([-WINDOW_S, 0.0]), *(np.full(2, np.nan) for _ in series[1:])
         return gui.add_uplot(
             empty,
@@ -83,8 +88,10 @@ class ForceCharts:
             padding=(8, 12, 8, 0),
         )
 
-    def update(self, snapshot: np.void) -> None:
-        """Take a SNAPSHOT record in and send the charts when they are due."""
+    def update(self, snapshot: np.void, future: OtherFuture | None = None) -> None:
+        """Take a SNAPSHOT record in and, with another future beside it, send the charts when they are due."""
+        if snapshot["past"]:
+            return
         self._pending |= self._history.append(snapshot)
         now = time.monotonic()
         if not self._pending or now < self._next_send_s:
@@ -95,7 +102,7 @@ class ForceCharts:
         for axis, chart in enumerate(self._charts):
             if range_n != self._range_n:
                 chart.scales = _scales(range_n)
-            chart.data = self._history.series(axis)
+            chart.data = self._history.series(axis, future)
         self._range_n = range_n
         has_sigma = bool(np.isfinite(snapshot["force_sigma_n"]).all())
         if has_sigma != self._has_sigma:

@@ -23,14 +23,19 @@ from web.command_panel import CommandPanel
 from web.drag import GrabHandle, TargetGizmo
 from web.estimators_panel import EstimatorsPanel
 from web.force_arrows import ForceArrows
+from web.ghost import Ghost
 from web.hand_load_panel import HandLoadPanel
 from web.hardware_panel import HardwarePanel
+from web.history_panel import HistoryPanel
 from web.objects import SceneObjects
+from web.other_future import OtherFuture
 from web.policy_panel import PolicyPanel
 from web.push_panel import PushPanel
 from web.push_test import PushTests
 from web.push_test_panel import PushTestPanel
 from web.readings_panel import ReadingsPanel
+from web.record_panel import RecordPanel
+from web.replay_panel import ReplayPanel
 from web.robot_pose import RobotPose
 from web.scene import Scene
 from web.setup_panel import SetupPanel
@@ -80,6 +85,7 @@ class Console:
         gui.main_panel.set_width(_PANEL_WIDTH_PX)
         self._scene = Scene(server)
         self._objects = SceneObjects(server)
+        self._other_future, self._ghost = OtherFuture(), Ghost(server)
         self._camera = Camera(server)
         self._forces = ForceArrows(server)
         self._contacts = WheelContacts(server)
@@ -101,6 +107,10 @@ class Console:
         with tabs.add_tab("Push"):
             self._push = PushPanel(server, sink, pose, self._wrenches)
             self._push_test = PushTestPanel(gui, push_tests)
+        with tabs.add_tab("Time"):
+            self._history = HistoryPanel(server, sink)
+            self._record = RecordPanel(gui, sink)
+            self._replay = ReplayPanel(gui, sink)
         with tabs.add_tab("Robot"):
             self._hardware = HardwarePanel(server, sink)
         ViewPanel(server, sink, tabs.add_tab("View"), self._camera, self._forces, self._contacts)
@@ -174,5 +184,10 @@ class Console:
         self._tasks.update(snapshot)
         self._plan.update(snapshot)
         self._readings.update(snapshot)
-        self._charts.update(snapshot)
+        self._history.update(snapshot)
+        self._record.update(snapshot)
+        self._replay.update(snapshot)
+        self._other_future.update(snapshot)
+        self._ghost.update(float(snapshot["time_s"]), self._other_future)
+        self._charts.update(snapshot, self._other_future)
         self._estimators.update(snapshot)

@@ -99,7 +99,8 @@ class EstimatorsPanel:
     def update(self, snapshot: np.void) -> None:
         """Take a SNAPSHOT record in and show it when it is due."""
         errors = snapshot["force_errors_rms_n"][: self._history.values.shape[1]]
-        self._history.append(float(snapshot["time_s"]), errors)
+        if not snapshot["past"]:
+            self._history.append(float(snapshot["time_s"]), errors)
         now = time.monotonic()
         if now < self._next_send_s:
             return

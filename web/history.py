@@ -18,7 +18,11 @@ class History:
         self.values = np.full((count, columns), np.nan)
 
     def append(self, time_s: float, values: np.ndarray) -> bool:
-        """Add values (columns,) when the next sample is due. A jump of the clock starts afresh."""
+        """Add values (columns,) when the next sample is due. A clock that is set back takes what was later away."""
+        if 0.0 < self._time_s[-1] - time_s < self._window_s:
+            while self._time_s[-1] > time_s - self._period_s:
+                self._time_s[1:], self.values[1:] = self._time_s[:-1].copy(), self.values[:-1].copy()
+                self._time_s[0], self.values[0] = self._time_s[1] - self._period_s, np.nan
         elapsed = time_s - self._time_s[-1]
         if 0.0 <= elapsed < self._period_s:
             return False
@@ -28,6 +32,11 @@ class History:
         self._time_s[:-1], self.values[:-1] = self._time_s[1:].copy(), self.values[1:].copy()
         self._time_s[-1], self.values[-1] = time_s, values
         return True
+
+    @property
+    def time_s(self) -> np.ndarray:
+        """(n,) of the samples; NaN before the first."""
+        return self._time_s
 
     @property
     def age_s(self) -> np.ndarray:

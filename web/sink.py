@@ -31,6 +31,37 @@ class TaskSink(Protocol):
         """Abort the task at work. Waits until it backs off."""
 
 
+class PastSink(Protocol):
+    """What was: the last minute of a simulation, and a recording that is shown."""
+
+    def seek(self, time_s: float) -> object:
+        """Show a moment of the last minute of a paused simulation. Waits until it is shown."""
+
+    def branch(self, **changes: Any) -> object:
+        """Set a paused simulation back to what is shown, with `controller`, `estimator` or `mass_scale` changed. Waits."""
+
+    def replay(self) -> dict[str, Any]:
+        """Where the recording that is shown stands: `time_s`, `state`, `speed`, `duration_s`."""
+        ...
+
+    def change_replay(self, **changes: Any) -> object:
+        """Move about in it, by `time_s`, `state`, `speed`. Waits until it is shown."""
+
+
+class RecordingsSink(Protocol):
+    """Recordings."""
+
+    def start(self, name: str) -> object:
+        """Record from now on. Waits until it is under way."""
+
+    def stop(self) -> object:
+        """End the recording. Waits until its file is whole."""
+
+    def ids(self) -> list[str]:
+        """Recordings that are finished, newest first."""
+        ...
+
+
 class ConsoleSink(Protocol):
     """The operator's actions.
 
@@ -43,6 +74,16 @@ class ConsoleSink(Protocol):
     @property
     def tasks(self) -> TaskSink:
         """The tasks."""
+        ...
+
+    @property
+    def past(self) -> PastSink:
+        """What was."""
+        ...
+
+    @property
+    def recordings(self) -> RecordingsSink:
+        """The recordings."""
         ...
 
     def available(self) -> dict[str, Any]:
@@ -101,7 +142,7 @@ class ConsoleSink(Protocol):
         """Run or pause, and at which speed; None leaves as it is. Waits until it is done."""
 
     def set_backend(self, name: str, **options: Any) -> object:
-        """Drive the simulation or a robot. Waits until a fresh control process runs."""
+        """Drive the simulation or a robot, or show a recording. Waits until a fresh control process runs."""
 
     def drive(self, request: str) -> object:
         """Ask a robot's drives for a change of state, by the name of a Request. Waits until it has begun."""

@@ -129,6 +129,8 @@ class CommandFilter:
     position control; the force reference of an axis that turns to force control starts at the estimated force.
     """
 
+    STATE = ("_state", "_started")
+
     def __init__(self, limits: CommandLimits) -> None:
         self.limits = limits
         self._limits = limits_record(limits)

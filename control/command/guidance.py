@@ -153,6 +153,8 @@ def guidance_record(config: GuidanceConfig) -> np.ndarray:
 class Guidance:
     """Overrides mask, force and base velocity of a command whose `guidance` is set; passes any other through."""
 
+    STATE = ("_state", "_started")
+
     def __init__(self, config: GuidanceConfig) -> None:
         self.config = config
         self._gains = guidance_record(config)

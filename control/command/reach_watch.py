@@ -14,6 +14,8 @@ AFTER_S = 1.0
 class ReachWatch:
     """Counts the time for which hand and reference have stood still beside each other."""
 
+    STATE = ("_still_s", "_hand", "_reference")
+
     def __init__(self) -> None:
         self.reset()
 

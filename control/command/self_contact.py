@@ -37,6 +37,8 @@ class SelfContactBorder:
         distance_m: between arm and body at the last step; `watch_m` or more where they are farther apart.
     """
 
+    STATE = ("_distance", "_unfolded", "distance_m", "_held")
+
     def __init__(self, config: SelfContactConfig, model: RobotModel) -> None:
         self._config, self._model = config, model
         self._distance = SelfDistance(model)

@@ -48,6 +48,8 @@ class Nearest:
 class SelfDistance:
     """Distance between arm and body at the model's last configuration."""
 
+    STATE = ("_distance_m", "_measured_at")
+
     def __init__(self, model: RobotModel, mjcf: Path = ROBOT_MJCF) -> None:
         """`mjcf` is the one of `model`."""
         self._model = model

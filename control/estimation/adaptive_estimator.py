@@ -139,6 +139,9 @@ def corrected_wrench(
 class AdaptiveEstimator(ProjectingEstimator):
     """Fast observer, force-only prior on the end effector, and adaptation of masses and frictions."""
 
+    STATE = ("_adaptation",)
+    SCRATCH = ("_trusted", "_forces")
+
     def __init__(self, model: RobotModel, config: AdaptiveConfig, period_s: float) -> None:
         """`period_s` is the tick length; `model` like the one that every tick's input carries."""
         super().__init__(MomentumResidual(config.gains, period_s, with_friction=True))

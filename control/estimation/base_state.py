@@ -160,6 +160,8 @@ def complementary_filter(
 class BaseStateEstimator:
     """Complementary filter from sensor frames to `BaseState`, one frame per period."""
 
+    STATE = ("_imu_velocity", "_correction", "_last")
+
     def __init__(self, config: BaseStateConfig, model: RobotModel) -> None:
         self._config = packed(BASE_STATE, config, lever=model.imu_position_in_base)
         self._model = model

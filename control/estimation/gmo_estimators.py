@@ -36,6 +36,9 @@ class GmoConstrained(ProjectingEstimator):
     GMO-PI is W_q and R. The constraints make the wheel forces physical.
     """
 
+    STATE = ()
+    SCRATCH = ("_solver", "_jacobian")
+
     def __init__(
         self, residual: MomentumResidual, model: RobotModel, weights: ProjectionWeights, constraints: ContactConstraints
     ) -> None:

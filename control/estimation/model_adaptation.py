@@ -231,6 +231,8 @@ class ModelAdaptation:
         moving: whether the masses still move, or nothing is known of them yet.
     """
 
+    STATE = ("_information", "_information_vector", "_elapsed_s", "parameters", "_smoothed", "moving")
+
     def __init__(self, config: ModelAdaptationConfig) -> None:
         self._config = config
         covariance = np.zeros((PARAMETER_COUNT, PARAMETER_COUNT))

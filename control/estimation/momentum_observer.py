@@ -131,6 +131,8 @@ class MomentumObserver:
         finite: whether all of it is finite.
     """
 
+    STATE = ("_state", "residual", "finite", "_gains", "_implicit_gains")
+
     def __init__(self, gains: ObserverGains, period_s: float) -> None:
         self._period_s = period_s
         self.gains = gains

@@ -121,6 +121,9 @@ class MomentumResidual:
         finite: whether all of them are finite; not so when the newest tick was not.
     """
 
+    STATE = ("_state", "_drift", "_started", "finite", "newest", "_gains", "_implicit_gains")
+    SCRATCH = ("_friction", "_momentum_inputs", "residual", "residuals")
+
     def __init__(self, gains: ObserverGains, period_s: float, with_friction: bool) -> None:
         """Args:
         gains: of the observer.

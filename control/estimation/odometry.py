@@ -98,6 +98,8 @@ def _roll(
 class WheelOdometry:
     """Integrates rolling from where it was reset: origin below the base, x ahead."""
 
+    STATE = ("_state",)
+
     def __init__(self, config: OdometryConfig, model: RobotModel) -> None:
         self._config = packed(ODOMETRY, config)
         self._model = model

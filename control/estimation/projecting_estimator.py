@@ -22,6 +22,8 @@ class ProjectingEstimator(ABC):
             the next estimate overwrites it.
     """
 
+    STATE = ("momentum", "_last", "_estimated_tick", "unexplained")
+
     def __init__(self, residual: MomentumResidual) -> None:
         self.momentum = residual
         self._last: ForceEstimate | None = None

@@ -34,6 +34,8 @@ class HandLoadState:
 class HandLoad:
     """Tool and tare of one robot. The tool stays when the pipeline is reset, the tare does not."""
 
+    STATE = ("_tool", "_tare", "_motion", "_asked", "_message")
+
     def __init__(self, config: IdentificationConfig, model: RobotModel, observed: AdaptiveEstimator) -> None:
         """`observed`: whose residual shows what the model lacks, and whose masses begin anew with another tool."""
         self._config, self._model, self._observed = config, model, observed

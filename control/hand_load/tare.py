@@ -16,6 +16,8 @@ class TareError(RuntimeError):
 class Tare:
     """Offsets of the estimators, and the mean of what the selected one reads of late."""
 
+    STATE = ("offsets", "_elapsed_s", "_mean", "_variance")
+
     def __init__(self) -> None:
         self.offsets: dict[str, np.ndarray] = {}
         self.restart()

@@ -77,6 +77,8 @@ def rest_regressor(model: RobotModel) -> np.ndarray:
 class ToolIdentification:
     """The motion, period by period; feed it the command to move by and the residual there."""
 
+    STATE = ("_config", "_start", "_posture", "_elapsed_s", "_weights", "_information", "_vector", "_samples")
+
     def __init__(self, config: IdentificationConfig, model: RobotModel, start: Command) -> None:
         """`start`: references from which the motion begins and to which it returns."""
         self._config, self._start = config, start

@@ -30,6 +30,9 @@ class PolicyController:
         action: (22,) of the last step; with the residual form, the corrected one.
     """
 
+    STATE = ("_memory", "_corrected", "_started", "_phase", "observation", "action")
+    SCRATCH = ("_form", "_map", "_actor")
+
     def __init__(self, manifest: PolicyManifest, actor: Actor, model: RobotModel) -> None:
         self.manifest = manifest
         self._actor = actor

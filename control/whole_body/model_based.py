@@ -110,6 +110,8 @@ def _all_targets(
 class ModelBasedLaw:
     """The law of the model-based controller for n robots: the controller's own one, or those of a training batch."""
 
+    STATE = ("_states",)
+
     def __init__(self, model: RobotModel, config: ModelBasedConfig, count: int = 1) -> None:
         """Takes limits, friction and kinematics of the nominal posture from `model`, which is left in that posture."""
         limits = config.limits
@@ -155,6 +157,8 @@ class ModelBasedLaw:
 
 class ModelBasedController:
     """Whole-body controller from the rigid-body model; implements `Controller`."""
+
+    STATE = ("_law", "_memory")
 
     def __init__(self, model: RobotModel, config: ModelBasedConfig | None = None) -> None:
         self._law = ModelBasedLaw(model, config or ModelBasedConfig())

@@ -148,6 +148,8 @@ class TaskMemory:
         values: TASK_MEMORY (n,), changed in place.
     """
 
+    STATE = ("values",)
+
     def __init__(self, config: TaskMemoryConfig, count: int = 1) -> None:
         self._config = packed(MEMORY_CONFIG, config)
         self.values = np.zeros(count, TASK_MEMORY)

@@ -4,7 +4,7 @@ from typing import Literal, NotRequired
 
 from server.answers.schema import Answer
 
-BackendName = Literal["simulation", "hardware"]
+BackendName = Literal["simulation", "hardware", "replay"]
 
 
 class AvailableBackend(Answer):
@@ -19,7 +19,7 @@ class AvailableBackend(Answer):
 
 
 class RobotOptions(Answer):
-    """Which robot, and how; of the simulation none."""
+    """Which robot, and how, or which recording; of the simulation none."""
 
     dry_run: NotRequired[bool]
     """compute everything and send nothing"""
@@ -33,6 +33,8 @@ class RobotOptions(Answer):
     """address of the arm's z1_ctrl"""
     arm_port: NotRequired[int]
     """UDP port on which z1_ctrl listens"""
+    recording: NotRequired[str]
+    """id of the recording that is shown"""
 
 
 class BackendAnswer(Answer):

@@ -102,6 +102,17 @@ class Drive(Answer):
     """everything is computed and nothing is sent"""
 
 
+class CurrentRecording(Answer):
+    """The recording under way."""
+
+    id: str
+    """in the path of its calls"""
+    duration_s: float
+    """s, of the robot's time"""
+    size_bytes: int
+    """of the file so far"""
+
+
 class Loop(Answer):
     """How the control loop keeps time."""
 
@@ -204,4 +215,6 @@ class StateAnswer(Answer):
     """what can be read off the scene, by name with its unit, such as `valve_angle_rad`; empty on a robot"""
     task: TaskState | None
     """the task that was begun last; null before the first"""
+    recording: CurrentRecording | None
+    """the one under way; null without one"""
     loop: Loop

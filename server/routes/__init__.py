@@ -1,6 +1,20 @@
 """The REST interface, one module per group of calls."""
 
-from server.routes import command, hand_load, hardware, lease, safety, selection, simulation, system, tasks, wrenches
+from server.routes import (
+    command,
+    hand_load,
+    hardware,
+    history,
+    lease,
+    recordings,
+    replay,
+    safety,
+    selection,
+    simulation,
+    system,
+    tasks,
+    wrenches,
+)
 
 ROUTERS = (
     system.router,
@@ -12,5 +26,8 @@ ROUTERS = (
     hand_load.router,
     wrenches.router,
     tasks.router,
+    history.router,
+    recordings.router,
+    replay.router,
     hardware.router,
 )

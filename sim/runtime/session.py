@@ -15,10 +15,10 @@ from control.hand_load.tare import TareError
 from control.hand_load.tool import Tool
 from control.pipeline import Pipeline, PipelineConfig, PipelineOutput
 from control.timing import TICK_S
-from control.types import Command
+from control.types import Command, SensorFrame
 from sim.backends.protocol import Backend, GroundTruth
 from sim.runtime.fault_words import ESTOP_LATCHED
-from sim.runtime.snapshot import MAX_ESTIMATORS, NAME, Mode, command_from_record
+from sim.runtime.snapshot import MAX_ESTIMATORS, NAME, Mode, command_from_record, command_to_record
 from sim.runtime.snapshot_kernels import track_error_power
 from sim.runtime.snapshot_limits import check_name, check_pipeline
 from sim.runtime.snapshot_writer import (
@@ -50,6 +50,11 @@ class SessionError(RuntimeError):
 class Session(Generic[BackendT]):
     """One backend, its pipeline and what the console may do to any of them. Single-threaded.
 
+    Attributes:
+        gains: of the momentum observer, as set last; None for those that it starts with.
+        command_age_s: of the last tick, time since the operator was heard.
+        pipeline_resets: counts how often the pipeline was started afresh.
+
     Args:
         backend: opened here; its owner closes it.
         pipeline: how to make the pipeline.
@@ -58,6 +63,25 @@ class Session(Generic[BackendT]):
         BackendError: the backend cannot be opened; the message names the cure.
         SnapshotLimitError: the pipeline's names or their number do not fit into a snapshot.
     """
+
+    STATE = (
+        "_backend",
+        "pipeline",
+        "_error_power",
+        "_command_sequence",
+        "_asked",
+        "_asked_command",
+        "_sensor",
+        "_output",
+        "time_s",
+        "_command",
+        "_unheard_sequence",
+        "gains",
+        "command_age_s",
+        "tasks",
+        "_task_sequence",
+    )
+    SCRATCH = ("_filled", "_numbers")
 
     def __init__(self, backend: BackendT, pipeline: PipelineConfig | None = None) -> None:
         self._backend = backend
@@ -69,6 +93,9 @@ class Session(Generic[BackendT]):
         self._estimator_names = np.array([*names] + [""] * (MAX_ESTIMATORS - len(names)), NAME)
         self._filled: np.void | None = None
         self._asked, self._asked_command = b"", DEFAULT_COMMAND
+        self.gains: tuple[float, float] | None = None
+        self.command_age_s = 0.0
+        self.pipeline_resets = 0
         self._command_sequence = 0
         self.tasks = TaskDesk(self.pipeline.config.limits)
         self._task_sequence = 0
@@ -91,6 +118,15 @@ class Session(Generic[BackendT]):
         return self._output
 
     @property
+    def sensor(self) -> SensorFrame:
+        """What the pipeline saw at the last tick."""
+        return self._sensor
+
+    def write_command(self, record: np.void) -> None:
+        """The command of the last tick into a COMMAND record, as it went into the pipeline."""
+        command_to_record(self._command, record)
+
+    @property
     def mode(self) -> Mode:
         """RUNNING, ESTOP or FAULT; pausing is the caller's business."""
         if self.pipeline.estop_latched:
@@ -104,6 +140,7 @@ class Session(Generic[BackendT]):
         self._sensor = self._backend.read()
         self._output = self.pipeline.step(self._sensor, command, command_age_s)
         self._backend.write(self._output.joint_command)
+        self.command_age_s = command_age_s
         self.time_s += TICK_S
         self.tasks.observe(self._output, self.time_s)
         return self._output
@@ -204,7 +241,9 @@ class Session(Generic[BackendT]):
         """
         if (k1 is None) != (k2 is None):
             raise ValueError("gains need both k1 and k2")
-        self.pipeline.select_estimator(name, None if k1 is None or k2 is None else (k1, k2))
+        gains = None if k1 is None or k2 is None else (k1, k2)
+        self.pipeline.select_estimator(name, gains)
+        self.gains = gains or self.gains
 
     def tare(self) -> None:
         """Make what the free hand reads now its zero.
@@ -296,5 +335,6 @@ class Session(Generic[BackendT]):
         self.tasks.restart()
         latched = self.pipeline.estop_latched
         self.pipeline.reset()
+        self.pipeline_resets += 1
         if latched:  # only clear_estop clears it
             self.pipeline.estop()

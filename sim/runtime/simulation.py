@@ -43,6 +43,8 @@ class Simulation(Session[MujocoBackend]):
         SnapshotLimitError: what is registered does not fit into a snapshot.
     """
 
+    STATE = ("_truth", "_drag_target", "person")
+
     def __init__(self, config: SimulationConfig | None = None) -> None:
         config = config or SimulationConfig()
         scene = _build_scene(config.scene, config.parameters, config.rigid)
@@ -61,6 +63,10 @@ class Simulation(Session[MujocoBackend]):
         dragging = bool(setpoint["drag_active"]) and age_s < DRAG_HEARTBEAT_S
         self._set_drag(setpoint["drag_target_in_world"].copy() if dragging else None)
         super().tick_setpoint(setpoint, age_s)
+
+    def pack_state(self) -> None:
+        """Truth goes with the moment: the contacts that it is read from do not."""
+        self.truth()
 
     def truth(self) -> GroundTruth:
         """Ground truth after the last tick, for evaluation."""

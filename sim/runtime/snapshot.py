@@ -131,6 +131,13 @@ SNAPSHOT = np.dtype(
         ("speed", "f8"),
         ("tick_histogram", "u8", TICK_CLASSES),  # ticks by duration, see server.pacing
         ("tick_total_s", "f8"),  # sum of their durations
+        ("history_start_s", "f8"),  # simulated time that can be gone back to; NaN where none
+        ("history_end_s", "f8"),
+        ("past", "?"),  # an earlier moment is shown than the newest
+        ("recording", "S64"),  # id of the recording under way, empty without one
+        ("recording_s", "f8"),
+        ("recording_bytes", "u8"),
+        ("branch", "u4"),  # counts how often the simulation has gone on from an earlier moment
     ]
 )
 

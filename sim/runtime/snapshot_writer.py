@@ -155,7 +155,9 @@ def write_task(record: np.void, tasks: TaskDesk) -> None:
     """The task that was begun last into a SNAPSHOT record."""
     task = tasks.current
     record["task_in_charge"] = tasks.in_charge
-    if task is None:
+    if task is None:  # as after the simulation was set back
+        record["task_id"], record["task_name"], record["task_phase"] = 0, b"", b""
+        record["task_progress"], record["task_outcome"] = 0.0, 0
         return
     record["task_id"], record["task_name"] = task.id, task.name
     record["task_phase"] = task.runner.phase

@@ -47,6 +47,8 @@ def pattern(phase_rad: np.ndarray | float, half_m: tuple[float, float] = PATTERN
 class WipedShare:
     """Share of the pattern that the hand has wiped, pressing on the board, since the start of the simulation."""
 
+    STATE = ("_wiped", "_time_s")
+
     def __init__(self) -> None:
         self._points = pattern(np.linspace(0.0, 2.0 * np.pi, 96, endpoint=False))
         self._wiped = np.zeros(len(self._points), bool)
@@ -67,7 +69,8 @@ class WipedShare:
 
 def readings() -> tuple[Reading, ...]:
     """How much of the pattern is wiped."""
-    return (Reading("wiped_share", WipedShare().read),)
+    share = WipedShare()
+    return (Reading("wiped_share", share.read, share),)
 
 
 def add_objects(spec: mujoco.MjSpec, values: Mapping[str, float]) -> tuple[str, ...]:

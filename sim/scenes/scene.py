@@ -74,11 +74,13 @@ class Parameter:
 class Reading:
     """Something of a scene that can be read off, such as an angle; `read` takes the state after a tick.
 
-    What is read more than once per control period, such as the share of a pattern that is wiped, may count from call to call.
+    What is read more than once per control period, such as the share of a pattern that is wiped, may count from call to call;
+    `memory` has the STATE (control.state.capture) that it counts in.
     """
 
     name: str
     read: Callable[[mujoco.MjData], float]
+    memory: object | None = None
 
 
 def joint_reading(name: str, joint: str, sign: float = 1.0) -> Reading:

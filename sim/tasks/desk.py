@@ -5,7 +5,6 @@ A session asks it for the command of every tick. What is asked for while no task
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from itertools import count
 
 import numpy as np
 
@@ -27,6 +26,8 @@ TOOK_OVER = "the operator took over"
 class TaskRecord:
     """A task that was begun, and what has become of it."""
 
+    STATE = ("runner", "readings")
+
     id: int
     name: str
     options: Mapping[str, float]
@@ -36,11 +37,16 @@ class TaskRecord:
 
 
 class TaskDesk:
-    """The tasks of one session."""
+    """The tasks of one session.
+
+    What it carries can be taken and put back but while a task is at work: its program cannot.
+    """
+
+    STATE = ("_next_id", "_records", "_command", "in_charge")
 
     def __init__(self, limits: CommandLimits) -> None:
         self._limits = limits
-        self._ids = count(1)
+        self._next_id = 1
         self._records: list[TaskRecord] = []
         self._command: Command | None = None
         self.in_charge = False
@@ -106,7 +112,8 @@ class TaskDesk:
         site = Site(chosen["site_x_m"], chosen["site_y_m"], chosen["site_yaw_rad"])
         view, task = look(output, self._position_m, time_s, site), kind(chosen)
         task.check(view, self._limits)
-        record = TaskRecord(next(self._ids), name, chosen, TaskRunner(task, view), site)
+        record = TaskRecord(self._next_id, name, chosen, TaskRunner(task, view), site)
+        self._next_id += 1
         self._records = [*self._records[-_KEPT + 1 :], record]
         self._command, self.in_charge = None, True
         return record

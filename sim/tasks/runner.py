@@ -43,6 +43,23 @@ class TaskRunner:
         peak_n: largest estimated force.
     """
 
+    STATE = (
+        "outcome",
+        "reason",
+        "moving",
+        "peak_n",
+        "phase",
+        "_phase",
+        "_begun_s",
+        "_started_s",
+        "_seen_s",
+        "_done_before",
+        "_wrong_since_s",
+        "_normal",
+        "_back_off",
+        "_command",
+    )
+
     def __init__(self, task: Task, view: TaskView) -> None:
         self.task = task
         self.outcome, self.reason, self.moving = Outcome.RUNNING, "", True

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from control.command.limits import DEFAULT_COMMAND
+from control.state.capture import StateError
 from control.timing import TICK_S
 from sim.backends.protocol import BackendError
 from sim.runtime.robot_session import RobotSession
@@ -36,6 +37,10 @@ class FakeSession(Simulation):
         self.command_sequence = 0
         self.command = DEFAULT_COMMAND
         self.dragged = False
+        self.pipeline_resets = 0
+
+    def pack_state(self) -> None:
+        raise StateError("a fake carries nothing")
 
     @property
     def scene(self) -> str:

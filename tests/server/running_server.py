@@ -2,11 +2,13 @@
 
 import asyncio
 import socket
+import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass
+from pathlib import Path
 
 import httpx
 import uvicorn
@@ -19,6 +21,7 @@ from server.control_client import ControlClient
 from server.control_process import ControlLaunch
 from server.operator import Operator
 from server.web_server import uvicorn_config
+from sim.recording.folder import RecordingFolder
 from tests.server.contract import check_answer
 from web.viser_door import Connection, ViserDoor
 
@@ -52,15 +55,16 @@ class RunningServer:
 def running_server(launch: ControlLaunch | None = None) -> Iterator[RunningServer]:
     """Its processes and threads end with the context."""
     launch = launch or ControlLaunch()
-    with closing(ControlClient(launch)) as client, _scene() as scene:
+    with closing(ControlClient(launch)) as client, _scene() as scene, tempfile.TemporaryDirectory() as data:
         client.start()
-        operator = Operator(client, launch)
+        operator = Operator(client, launch, recordings=RecordingFolder(Path(data)))
         client.wait_ready()
         app = create_app(operator, scene=scene)
         with _served(app) as port, _client(port) as http:
             running = RunningServer(port, operator, http)
             running.wait_for(lambda state: state.get("time_s", 0.0) > 0.0)
             yield running
+            operator.recordings.end()
 
 
 def _client(port: int) -> httpx.Client:

@@ -113,7 +113,7 @@ def test_every_answer_has_a_schema_and_an_example_of_it(app: FastAPI, calls: lis
     components = app.openapi()["components"]["schemas"]
     for call in calls:
         for status, answer in call["responses"].items():
-            if status == "204":
+            if status == "204" or "application/octet-stream" in answer.get("content", {}):
                 continue
             assert list(schemas(answer)), (call["operationId"], status)
             if status.startswith("2"):

@@ -74,7 +74,33 @@ def tour(http: httpx.Client) -> Iterator[httpx.Response]:
 
     yield call("POST", "step", {"ticks": 10})
     call("POST", "run", {"state": "paused"})
+    recording = call("POST", "recordings", {"name": "push", "note": "with the new gains"})
+    yield recording
+    yield call("POST", "step", {"ticks": 100})
+    yield call("DELETE", "recordings/current")
+    yield call("DELETE", "recordings/current")
+    yield call("GET", "recordings")
+    key = recording.json()["id"]
+    yield call("GET", f"recordings/{key}")
+    yield call("GET", f"recordings/{key}/download")
+    estimates = call("POST", f"recordings/{key}/estimates", {"estimator": "gmo_pi", "gains": {"k1": 12.0, "k2": 80.0}})
+    yield estimates
+    while (result := call("GET", f"recordings/{key}/estimates/{estimates.json()['id']}")).json()["state"] == "running":
+        time.sleep(0.1)
+    yield result
+    yield call("GET", "replay")
+    yield call("PUT", "backend", {"name": "replay", "options": {"recording": key}})
+    yield call("PATCH", "replay", {"time_s": 0.1, "state": "paused"})
+    yield call("GET", "replay")
+    yield call("PUT", "backend", {"name": "simulation"})
+    call("POST", "run", {"state": "paused"})
+    yield call("DELETE", f"recordings/{key}")
+    yield call("POST", "step", {"ticks": 900})
     yield call("POST", "step", {"ticks": 10})
+    yield call("POST", "history/seek", {"time_s": 1.2})
+    yield call("GET", "history")
+    yield call("POST", "history/branch", {"time_s": 1.2, "mass_scale": 1.1})
+    call("PUT", "mismatch", {"mass_scale": 1.0})
     yield call("GET", "hardware")
     yield call("POST", "hardware", {"request": "engage"})
     yield call_with_bytes("PATCH", "command", b"\xff")

@@ -46,6 +46,41 @@ def until(condition: Callable[[], object]) -> None:
         time.sleep(0.005)
 
 
+class RecordingPast:
+    """A PastSink that shows 12.5 s."""
+
+    def __init__(self, calls: list[tuple[str, Any]]) -> None:
+        self._calls = calls
+
+    def seek(self, time_s: float) -> None:
+        self._calls.append(("seek", time_s))
+
+    def branch(self, **changes: Any) -> None:
+        self._calls.append(("branch", changes))
+
+    def replay(self) -> dict[str, Any]:
+        return {"time_s": 0.0, "duration_s": 12.5, "state": "playing", "speed": 1.0}
+
+    def change_replay(self, **changes: Any) -> None:
+        self._calls.append(("replay", changes))
+
+
+class RecordingRecordings:
+    """A RecordingsSink with two."""
+
+    def __init__(self, calls: list[tuple[str, Any]]) -> None:
+        self._calls = calls
+
+    def start(self, name: str) -> None:
+        self._calls.append(("start_recording", name))
+
+    def stop(self) -> None:
+        self._calls.append(("stop_recording", None))
+
+    def ids(self) -> list[str]:
+        return ["20261128-b", "20261128-a"]
+
+
 class RecordingSink:
     """Records every call as (method, argument) in `calls`, and raises `refusal` where there is one."""
 
@@ -58,6 +93,8 @@ class RecordingSink:
         self.chosen_mismatch = Mismatch()
         self.wrenches: list[dict[str, Any]] = []
         self.refusal: Exception | None = None
+        self.past = RecordingPast(self.calls)
+        self.recordings = RecordingRecordings(self.calls)
 
     def available(self) -> dict[str, Any]:
         return {

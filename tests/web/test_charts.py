@@ -70,7 +70,7 @@ def test_the_band_spans_what_the_estimator_states_and_nothing_where_it_states_no
     for now, sigma in ((0.0, 0.5), (0.1, np.nan)):
         snapshot["time_s"], snapshot["force_sigma_n"] = now, [9.0, 9.0, sigma]
         history.append(snapshot)
-    *_, upper, lower = history.series(2)
+    *_, upper, lower, _ = history.series(2)
     np.testing.assert_allclose(upper[-2:], [10.0 + SHOWN_SIGMAS * 0.5, 10.0])
     np.testing.assert_allclose(lower[-2:], [10.0 - SHOWN_SIGMAS * 0.5, 10.0])
 

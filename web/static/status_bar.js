@@ -27,6 +27,15 @@ export function showState(state) {
     `99 % are at most ${lateness.toFixed(2)} ms late; real-time priority is ${realtime ? "granted" : "not granted"}.`;
   const doubts = state.estimator_flags.map((flag) => DOUBTS[flag] ?? flag);
   show("estimator", [state.estimator, ...doubts].join(", "), doubts.length ? "warn" : "");
+  showRecording(state.recording);
+}
+
+function showRecording(recording) {
+  element("recording").parentElement.hidden = !recording;
+  if (!recording) return;
+  const seconds = Math.floor(recording.duration_s);
+  const time = `${Math.floor(seconds / 60)}:${String(seconds % 60).padStart(2, "0")}`;
+  show("recording", `${time}, ${(recording.size_bytes / 1e6).toFixed(1)} MB`);
 }
 
 /** Of a robot that is not in the controller's hands, its drives tell more than the loop. */

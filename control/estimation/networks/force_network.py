@@ -197,6 +197,8 @@ class ForceNetwork:
     Before H steps have passed, the steps that are missing on the old side repeat the first one.
     """
 
+    STATE = ("_window", "_before", "_started")
+
     def __init__(self, manifest: NetworkManifest, arrays: dict[str, np.ndarray]) -> None:
         """`arrays`: parameters of the network, "feature_mean" and "feature_std".
 

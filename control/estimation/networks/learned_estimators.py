@@ -19,6 +19,8 @@ class LearnedEstimator:
     The model-based estimator may be one that also runs by itself: it ignores a tick that it has already seen.
     """
 
+    STATE = ("_nominal", "_network", "_inputs", "_asked_tick", "_step_tick", "_force", "_sigma", "_held")
+
     def __init__(self, nominal: ProjectingEstimator, network: ForceNetwork, period_s: float) -> None:
         """`period_s` is the tick length; the network's own period comes from its manifest."""
         self._nominal = nominal

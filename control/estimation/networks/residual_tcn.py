@@ -216,6 +216,9 @@ def _evaluate(
 class ResidualTcn:
     """The network with fixed parameters, in single precision; holds its work arrays, so one instance per thread."""
 
+    STATE = ()
+    SCRATCH = ("_values", "_room")
+
     def __init__(self, shape: TcnShape, parameters: Mapping[str, np.ndarray]) -> None:
         """`parameters`: see `parameter_shapes`.
 

@@ -26,7 +26,7 @@ class ActiveWrench:
     remaining_s: float
 
 
-@dataclass
+@dataclass(frozen=True)
 class _Entry:
     source: Pulse | WrenchSource
     body: int
@@ -35,6 +35,9 @@ class _Entry:
 
 class AppliedWrenches:
     """All wrenches that act on one simulated world."""
+
+    STATE = ("_entries", "_next_id", "_drag", "_dragged", "_pushed", "drag_force_in_world", "_others", "_pulses")
+    SCRATCH = ("_data", "_velocity")
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         self._model = model

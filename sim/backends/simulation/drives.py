@@ -15,6 +15,9 @@ from control.types import JointCommand
 class Drives:
     """The drives of one world. `act` before a tick, `torques` after it."""
 
+    STATE = ()
+    SCRATCH = ("_bias", "_control", "_velocity", "_force", "_velocity_before", "_torques")
+
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         """Makes the actuators of `model` affine."""
         drives = self._actuators = np.array([model.actuator(joint).id for joint in JOINT_NAMES])

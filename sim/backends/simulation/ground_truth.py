@@ -22,6 +22,22 @@ _NO_FORCES = np.zeros((len(LEGS) + 1, 3))
 class GroundTruthReader:
     """Ground truth of one world."""
 
+    STATE = ()
+    SCRATCH = (
+        "_data",
+        "_contact_force",
+        "_qpos",
+        "_qvel",
+        "_body_rotations",
+        "_site_positions",
+        "_external",
+        "_applied",
+        "_geom_positions",
+        "_geom_axis_y",
+        "_object_positions",
+        "_object_orientations",
+    )
+
     def __init__(
         self, model: mujoco.MjModel, data: mujoco.MjData, robot_bodies: tuple[str, ...], movable_bodies: tuple[str, ...]
     ) -> None:

@@ -14,6 +14,9 @@ from sim.backends.simulation.sensors import SAMPLE_SIZE
 class IdealSensors:
     """Reads the state of one world, once per tick."""
 
+    STATE = ("_imu_velocity",)
+    SCRATCH = ("_qpos", "_qvel", "_newest")
+
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         # MuJoCo makes a new view at every access.
         self._qpos, self._qvel = data.qpos, data.qvel

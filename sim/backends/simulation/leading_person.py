@@ -20,6 +20,8 @@ DIRECTIONS = 8
 class LeadDone:
     """One lead: how far the hand came along it, m, and the largest force, N."""
 
+    STATE = ("progress_m", "force_n")
+
     progress_m: float = 0.0
     force_n: float = 0.0
 
@@ -33,6 +35,8 @@ class LeadingPerson:
         duration_s: for which the person stays.
         leads: so far.
     """
+
+    STATE = ("leads", "_start", "_direction")
 
     seed: int
     duration_s: float = 60.0

@@ -46,12 +46,29 @@ _CHANGEABLE = (
 )
 """Fields of a model that the parameters of a scene may change while it runs."""
 
+PHYSICS = mujoco.mjtState.mjSTATE_INTEGRATION
+"""What MuJoCo integrates from: besides positions and velocities the start of its solver and the applied forces."""
+
 KEYFRAMES = {"stand": NOMINAL_POSITION}
 """Postures (22,) that a reset can start from; the wheels just touch the ground."""
 
 
 class MujocoBackend:
     """One robot in one scene. `read` and `write` as in sim.backends.protocol; the rest is for simulation only."""
+
+    STATE = (
+        "_physics",
+        "_scene",
+        "_memories",
+        "_mismatch",
+        "_mass_scale",
+        "_seed",
+        "_sensors",
+        "_ideal_sensors",
+        "wrenches",
+        "_frame",
+    )
+    SCRATCH = ("_data", "_qvel", "_drives", "_truth", "_nominal", "_kinematics_are_current", "_compiled_values")
 
     name = "simulation"
 
@@ -174,6 +191,19 @@ class MujocoBackend:
         """
         self._load(scenes.build(scene) if isinstance(scene, str) else scene)
 
+    def pack_state(self) -> None:
+        """Take MuJoCo's state."""
+        mujoco.mj_getState(self._model, self._data, self._physics, PHYSICS)
+
+    def unpack_state(self) -> None:
+        """Put MuJoCo's state, parameters and masses back. Contacts are found again by the next tick only."""
+        if self._compiled_values is not self._scene.values:
+            self._change(scenes.build(self.scene, self._scene.values, rigid=self._scene.rigid), self._scene.values)
+        self._nominal.apply(self._model, self._mismatch)
+        mujoco.mj_setState(self._model, self._data, self._physics, PHYSICS)
+        self._kinematics_are_current = False
+        self._update_kinematics()
+
     @property
     def mismatch(self) -> Mismatch:
         """What the simulated robot differs by from its nominal model."""
@@ -209,8 +239,7 @@ class MujocoBackend:
             ValueError: the scene has no such parameter, or not with this value; nothing changes.
         """
         scene = scenes.build(self.scene, {**self._scene.values, **values}, rigid=self._scene.rigid)
-        for name in _CHANGEABLE:
-            getattr(self._model, name)[...] = getattr(scene.model, name)
+        self._change(scene, scene.values)
         self._nominal.apply(self._model, self._mismatch)
         self._scene = replace(self._scene, values=scene.values, primitives=scene.primitives)
         self._kinematics_are_current = False
@@ -227,19 +256,27 @@ class MujocoBackend:
             self.wrenches.set_drag(drag_spring(target_in_world))
 
     def _load(self, scene: SceneModel) -> None:
-        self._scene = scene
+        self._scene, self._compiled_values = scene, scene.values
+        self._memories = tuple(reading.memory for reading in scene.readings if reading.memory is not None)
         model = self._model = scene.model
         # Without this MuJoCo would answer a divergence with a silent reset.
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
         self._positions = np.array([model.joint(joint).qposadr[0] for joint in JOINT_NAMES])
         data = self._data = mujoco.MjData(model)
         self._qvel = data.qvel
+        self._physics = np.empty(mujoco.mj_stateSize(model, PHYSICS))
         self._drives, self._ideal_sensors = Drives(model, data), IdealSensors(model, data)
         self.wrenches = AppliedWrenches(model, data)
         self._truth = GroundTruthReader(model, data, self._scene.robot_bodies, self._scene.movable_bodies)
         self._nominal = NominalParameters(model, self._scene.robot_bodies)
         self._apply(self._mismatch)
         self.reset()
+
+    def _change(self, scene: SceneModel, values: Mapping[str, float]) -> None:
+        """Let the model have the parameters of another one of the same scene."""
+        for name in _CHANGEABLE:
+            getattr(self._model, name)[...] = getattr(scene.model, name)
+        self._compiled_values = values
 
     def _apply(self, mismatch: Mismatch) -> None:
         self._nominal.apply(self._model, mismatch)

@@ -82,6 +82,8 @@ class SensorConfig:
 class SensorModel:
     """Turns ideal samples, one per tick, into what the robot's sensors would deliver."""
 
+    STATE = ("_random", "_attitude_drift", "_noise", "_noise_row", "_pending", "_torques")
+
     def __init__(self, config: SensorConfig, seed: int, period_s: float = TICK_S) -> None:
         """`period_s` is the time between two samples; the same seed gives the same errors."""
         self.config = config

@@ -1,0 +1,1 @@
+"""What objects carry from tick to tick: taken, put back, and written to files."""

@@ -1,0 +1,166 @@
+"""Reads recordings: whole columns at once, or what was around one moment."""
+
+import json
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import zstandard
+from mcap.reader import make_reader
+from mcap.records import ChunkIndex
+
+from control.timing import TICK_S
+from sim.recording import messages
+from sim.recording.messages import INPUTS, SENSORS, STATE, TARGETS, TRUTH, estimates_wire
+from sim.recording.wire import Wire
+
+_CACHED_CHUNKS = 4
+
+
+class RecordingFormatError(ValueError):
+    """A file that is no recording of this version; the message says what does not fit."""
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """What was done before a tick of the recording's count."""
+
+    tick: int
+    name: str
+    arguments: dict[str, Any]
+
+
+class Recording:
+    """One finished recording.
+
+    Attributes:
+        metadata: texts by name, see sim.recording.describe.
+        estimators: names, in the order of columns of estimates.
+        start_ns: time stamp of the first tick.
+        duration_s: of the robot's time.
+
+    Raises:
+        RecordingFormatError: it is none, or of another version.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._file = path.open("rb")
+        try:
+            reader = make_reader(self._file)
+            summary = reader.get_summary()
+            assert summary is not None
+            assert summary.statistics is not None
+            self.metadata = next(each.metadata for each in reader.iter_metadata() if each.name == "forcelens")
+            self._attachments = {each.name: each.data for each in reader.iter_attachments()}
+        except Exception as error:
+            self._file.close()
+            raise RecordingFormatError(f"{path} is no recording of Forcelens: {error}") from error
+        self._schemas = summary.schemas
+        self._channels = {channel.topic: channel for channel in summary.channels.values()}
+        self._chunks = sorted(summary.chunk_indexes, key=lambda chunk: chunk.chunk_start_offset)
+        self._starts = np.array([chunk.message_start_time for chunk in self._chunks])
+        self.estimators = tuple(self.metadata["estimators"].split(","))
+        self.start_ns = summary.statistics.message_start_time
+        self.duration_s = (summary.statistics.message_end_time - self.start_ns) / 1e9
+        self._data = lru_cache(_CACHED_CHUNKS)(self._decompressed)
+        self._states_of = lru_cache(_CACHED_CHUNKS)(self._chunk_states)
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+    def attachment(self, name: str) -> bytes:
+        """
+        Raises:
+            RecordingFormatError: there is none of that name.
+        """
+        if name not in self._attachments:
+            raise RecordingFormatError(f"the recording has no attachment {name!r}")
+        return self._attachments[name]
+
+    def sensors(self) -> np.ndarray:
+        """Messages (n,) of SENSORS.record, one per tick."""
+        return self.column("/sensors", SENSORS)
+
+    def inputs(self) -> np.ndarray:
+        """Messages (n,) of INPUTS.record, one per tick."""
+        return self.column("/inputs", INPUTS)
+
+    def targets(self) -> np.ndarray:
+        """Messages (n,) of TARGETS.record, one per tick."""
+        return self.column("/targets", TARGETS)
+
+    def estimates_n(self) -> np.ndarray:
+        """(n, estimators, 3) N, one per tick; NaN where there was none."""
+        bodies = self.column("/estimates", estimates_wire(self.estimators))["body"]
+        return messages.read_estimates(bodies, self.estimators)[:, : len(self.estimators)]
+
+    def truth(self) -> np.ndarray:
+        """Messages (m,) of TRUTH.record; none without a simulator."""
+        return self.column("/truth", TRUTH)
+
+    def ticks(self, column: np.ndarray) -> np.ndarray:
+        """(n,) numbers of the ticks of messages (n,), in the recording's count."""
+        return np.round((column["log"] - np.uint64(self.start_ns)).astype(float) / (1e9 * TICK_S)).astype(int)
+
+    def events(self) -> list[Event]:
+        """All that were done, in order."""
+        reader = make_reader(self._file)
+        found = []
+        for _, _, message in reader.iter_messages(topics=["/events"]):
+            content = json.loads(message.data)
+            tick = round((message.log_time - self.start_ns) / (1e9 * TICK_S))
+            found.append(Event(tick, content["name"], content["arguments"]))
+        return found
+
+    def column(self, topic: str, wire: Wire) -> np.ndarray:
+        """All messages (n,) of a topic, `wire.record`."""
+        self._require(topic, wire)
+        parts = [self._messages(index, topic, wire) for index in range(len(self._chunks))]
+        return np.concatenate(parts) if parts else np.zeros(0, wire.record)
+
+    def snapshot(self, time_s: float) -> np.void | None:
+        """The last SNAPSHOT record up to a time since the start; None before the first."""
+        time_ns = self.start_ns + round(1e9 * time_s)
+        index = int(np.searchsorted(self._starts, time_ns, side="right")) - 1
+        while index >= 0:
+            times, snapshots = self._states_of(index)
+            row = int(np.searchsorted(times, time_ns, side="right")) - 1
+            if row >= 0:
+                return snapshots[row]
+            index -= 1
+        return None
+
+    def _chunk_states(self, index: int) -> tuple[np.ndarray, np.ndarray]:
+        self._require("/state", STATE)
+        records = self._messages(index, "/state", STATE)
+        return records["log"].copy(), messages.read_states(records["body"])
+
+    def _require(self, topic: str, wire: Wire) -> None:
+        channel = self._channels.get(topic)
+        if channel is None:
+            raise RecordingFormatError(f"the recording has no {topic}")
+        if self._schemas[channel.schema_id].data != wire.descriptors:
+            made = self.metadata.get("version.forcelens", "unknown")
+            raise RecordingFormatError(f"{topic} of the recording has other fields; version {made} made it, and reads it")
+
+    def _messages(self, index: int, topic: str, wire: Wire) -> np.ndarray:
+        chunk = self._chunks[index]
+        offset = chunk.message_index_offsets.get(self._channels[topic].id)
+        if offset is None:
+            return np.zeros(0, wire.record)
+        self._file.seek(offset + 11)
+        size = int.from_bytes(self._file.read(4), "little")
+        offsets = np.frombuffer(self._file.read(size), "<u8").reshape(-1, 2)[:, 1].astype(int)
+        data = np.frombuffer(self._data(index), np.uint8)
+        rows = data[offsets[:, None] + np.arange(wire.record.itemsize)]
+        return rows.view(wire.record)[:, 0]
+
+    def _decompressed(self, index: int) -> bytes:
+        chunk: ChunkIndex = self._chunks[index]
+        self._file.seek(chunk.chunk_start_offset + chunk.chunk_length - chunk.compressed_size)
+        return zstandard.ZstdDecompressor().decompress(
+            self._file.read(chunk.compressed_size), max_output_size=chunk.uncompressed_size
+        )

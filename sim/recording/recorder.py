@@ -1,0 +1,225 @@
+"""The recorder: a process of its own that turns what the tap gives into a file, and needs nobody to end well.
+
+It finishes when it is told to, when its parent has died, and when the file reaches its limit. The file grows by whole chunks of
+half a second under the name NAME.mcap.part, and gets its name when it has its end.
+"""
+
+import json
+import logging
+import multiprocessing
+import os
+import signal
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
+from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
+
+from control.paths import ROBOT_MJCF
+from control.timing import TICK_S
+from sim.recording import messages
+from sim.recording.body_tree import BodyTree
+from sim.recording.description import Description
+from sim.recording.drawing import arrows, descriptors_of, robot_meshes, transforms
+from sim.recording.mcap_file import McapWriter
+from sim.recording.messages import INPUTS, SENSORS, STATE, TARGETS, TRUTH
+from sim.recording.tap import PER_PERIOD, Tap
+from sim.recording.wire import MESSAGE_OPCODE
+
+POLL_S = 0.1
+CHUNK_TICKS = 250
+MOST_TICKS = 2000
+TICK_NS = round(TICK_S * 1e9)
+PART = ".part"
+JSON_OBJECT = b'{"type": "object"}'
+
+_log = logging.getLogger(__name__)
+
+
+class RecordingWriter:
+    """Writes one recording from batches of what the tap gives.
+
+    Args:
+        path: of the file.
+        description: of the recording.
+        tree: the robot's bodies.
+        start_ns: s since 1970, times 1e9, of the first tick; later ones follow by TICK_S, however fast the robot's time ran.
+    """
+
+    def __init__(self, path: Path, description: Description, tree: BodyTree, start_ns: int) -> None:
+        self._tree = tree
+        self._start_ns = start_ns
+        self._names = description.estimators
+        self._file = file = McapWriter(path, "forcelens")
+        file.describe("forcelens", description.metadata)
+        for name, media_type, data in description.attachments:
+            file.attach(name, media_type, data, start_ns)
+        self._estimates = messages.estimates_wire(self._names)
+        wires = {
+            "/sensors": SENSORS,
+            "/inputs": INPUTS,
+            "/targets": TARGETS,
+            "/estimates": self._estimates,
+            "/state": STATE,
+            "/truth": TRUTH,
+        }
+        self._channels = {topic: file.channel(topic, wire.name, "protobuf", wire.descriptors) for topic, wire in wires.items()}
+        for topic, kind in (("/tf", FrameTransforms), ("/scene", SceneUpdate)):
+            self._channels[topic] = file.channel(topic, kind.DESCRIPTOR.full_name, "protobuf", descriptors_of(kind))
+        for topic in ("/events", "/gaps"):
+            self._channels[topic] = file.channel(topic, f"forcelens{topic.replace('/', '.')}", "jsonschema", JSON_OBJECT)
+        visuals = Path(ROBOT_MJCF).parent / "visual"
+        file.write_chunk([self._message("/scene", start_ns, robot_meshes(tree, visuals, start_ns))])
+        self._last_state = -PER_PERIOD
+
+    @property
+    def size_bytes(self) -> int:
+        """Of the file so far."""
+        return self._file.size_bytes
+
+    def time_ns(self, tick: int) -> int:
+        """Time stamp of a tick of the recording's count."""
+        return self._start_ns + tick * TICK_NS
+
+    def write(self, first: int, ticks: np.ndarray, moments: np.ndarray, events: np.ndarray, missed: int) -> None:
+        """Write one chunk.
+
+        Args:
+            first: number of the first of `ticks` in the recording's count.
+            ticks: TICK records (n,).
+            moments: MOMENT records (m,).
+            events: EVENT records (k,).
+            missed: ticks before `first` that are lost.
+        """
+        times = self.time_ns(first) + TICK_NS * np.arange(len(ticks), dtype="u8")
+        sensors, inputs, targets, estimates = (
+            wire.batch(times, self._channels[topic])
+            for topic, wire in (
+                ("/sensors", SENSORS),
+                ("/inputs", INPUTS),
+                ("/targets", TARGETS),
+                ("/estimates", self._estimates),
+            )
+        )
+        messages.write_ticks(ticks, sensors["body"], inputs["body"], targets["body"])
+        messages.write_estimates(ticks, self._names, estimates["body"])
+        batches = [sensors, inputs, targets, estimates, *self._moments(moments)]
+        batches += [self._message("/events", self.time_ns(int(each["tick"])), bytes(each["text"])) for each in events]
+        if missed:
+            gap = json.dumps({"first_tick": first - missed, "ticks": missed}).encode()
+            batches.append(self._message("/gaps", self.time_ns(first), gap))
+        self._file.write_chunk(batches)
+
+    def close(self) -> None:
+        """Give the file its end."""
+        self._file.close()
+
+    def abandon(self) -> None:
+        """Leave the file as it is, without an end."""
+        self._file.abandon()
+
+    def _moments(self, moments: np.ndarray) -> list[np.ndarray]:
+        if not len(moments):
+            return []
+        times = self._start_ns + TICK_NS * moments["tick"]
+        truth = TRUTH.batch(times, self._channels["/truth"])
+        messages.write_truth(moments["snapshot"], truth["body"])
+        known = np.isfinite(moments["snapshot"]["force_true_n"][:, 0])
+        batches = [truth[known]]
+        kept = []
+        for index, tick in enumerate(moments["tick"].tolist()):
+            if tick - self._last_state >= PER_PERIOD:
+                kept.append(index)
+                self._last_state = tick
+        states = STATE.batch(times[kept], self._channels["/state"])
+        messages.write_states(moments["snapshot"][kept], states["body"])
+        batches.append(states)
+        for index in kept:
+            snapshot, time_ns = moments["snapshot"][index], int(times[index])
+            batches.append(self._message("/tf", time_ns, transforms(snapshot, self._tree, time_ns)))
+            batches.append(self._message("/scene", time_ns, arrows(snapshot, time_ns)))
+        return batches
+
+    def _message(self, topic: str, time_ns: int, data: bytes) -> np.ndarray:
+        """One message record of any length, as an array (1,)."""
+        dtype = np.dtype([*_MESSAGE_HEAD, ("body", f"V{len(data)}")])
+        record = np.zeros(1, dtype)
+        record["opcode"], record["length"], record["channel"] = MESSAGE_OPCODE, 22 + len(data), self._channels[topic]
+        record["log"] = record["publish"] = time_ns
+        record["body"] = np.void(data)
+        return record
+
+
+_MESSAGE_HEAD: list[Any] = [
+    ("opcode", "u1"),
+    ("length", "<u8"),
+    ("channel", "<u2"),
+    ("sequence", "<u4"),
+    ("log", "<u8"),
+    ("publish", "<u8"),
+]
+
+
+class Drain:
+    """Moves what the tap has into a writer."""
+
+    def __init__(self, tap: Tap, writer: RecordingWriter, moment: int, event: int) -> None:
+        self._tap, self._writer = tap, writer
+        self._tick, self._moment, self._event = tap.first, moment, event
+        self._missed = 0
+
+    def turn(self, *, least: int) -> bool:
+        """Write a chunk if there are at least so many new ticks; whether there were."""
+        tap = self._tap
+        if tap.ticks.head - self._tick < max(least, 1):
+            return False
+        ticks, moments, events = (
+            tap.ticks.take(self._tick, MOST_TICKS),
+            tap.moments.take(self._moment, MOST_TICKS),
+            tap.events.take(self._event, MOST_TICKS),
+        )
+        self._tick = ticks.first + len(ticks.records)
+        self._moment = moments.first + len(moments.records)
+        self._event = events.first + len(events.records)
+        self._missed += ticks.missed
+        self._writer.write(ticks.first - tap.first, ticks.records, moments.records, events.records, ticks.missed)
+        tap.report(self._writer.size_bytes, self._missed)
+        return True
+
+
+def recorder_process(
+    memory: Any, path: Path, description: Description, tree: BodyTree, start_ns: int, heads: tuple[int, int], limit_bytes: int
+) -> None:
+    """Entry point of the spawned process.
+
+    Args:
+        memory: of the tap.
+        path: of the finished file.
+        description, tree, start_ns: see RecordingWriter.
+        heads: of the tap's rings of moments and events when the recording started.
+        limit_bytes: size at which the recording ends.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    os.nice(10)
+    tap = Tap(memory)
+    part = path.with_name(path.name + PART)
+    writer = RecordingWriter(part, description, tree, start_ns)
+    drain = Drain(tap, writer, *heads)
+    parent = multiprocessing.parent_process()
+    try:
+        while not tap.stopped and (parent is None or parent.is_alive()):
+            if not drain.turn(least=CHUNK_TICKS):
+                time.sleep(POLL_S)
+            if writer.size_bytes > limit_bytes:
+                _log.warning("recording %s ends: the disk budget is used up", path.stem)
+                tap.stop()
+        while drain.turn(least=1):
+            pass
+    except OSError as error:
+        _log.error("recording %s ends: %s", path.stem, error)
+    finally:
+        tap.stop()
+        writer.close()
+        part.replace(path)
