@@ -120,7 +120,7 @@ def test_a_controller_that_does_not_say_what_it_carries_is_named() -> None:
     class Stateful:
         def reset(self) -> None: ...
 
-        def step(self, _: Any) -> np.ndarray:
+        def step(self, inputs: Any) -> np.ndarray:
             return np.zeros(22)
 
     run = Run()
