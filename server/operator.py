@@ -252,7 +252,9 @@ class Operator(HandLoadCalls):
                 raise RefusedError(f"backend 'hardware' is not available: {reason}")
         elif name == "replay":
             if "recording" not in request["options"]:
-                raise InvalidFieldError("options.recording", "is missing", "an id of GET /api/v1/recordings")
+                raise InvalidFieldError(
+                    "options.recording", "is missing", "an id of GET /api/v1/recordings; the tab Time of the page lists them"
+                )
             choice = BackendChoice(recording=self.recordings.file(request["options"]["recording"]))
         with self._switch():
             if choice == self.robot.choice and self._client.alive:

@@ -47,7 +47,7 @@ class HistoryPanel:
     def _on_click(self, button: viser.GuiButtonHandle, action: Any) -> None:
         @button.on_click
         async def _(event: viser.GuiEvent) -> None:
-            self._worker.submit(button, lambda: attempt(action, event.client))
+            self._worker.submit(button.label, lambda: attempt(action, event.client))
 
     def update(self, snapshot: np.void) -> None:
         """Show what a SNAPSHOT record says of the past."""

@@ -21,11 +21,11 @@ class RecordPanel:
 
         @self.start.on_click
         async def _(event: viser.GuiEvent) -> None:
-            worker.submit(self.start, lambda: attempt(lambda: sink.recordings.start(self.name.value), event.client))
+            worker.submit("start", lambda: attempt(lambda: sink.recordings.start(self.name.value), event.client))
 
         @self.stop.on_click
         async def _(event: viser.GuiEvent) -> None:
-            worker.submit(self.stop, lambda: attempt(sink.recordings.stop, event.client))
+            worker.submit("stop", lambda: attempt(sink.recordings.stop, event.client))
 
     def update(self, snapshot: np.void) -> None:
         """Show what a SNAPSHOT record says."""

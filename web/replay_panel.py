@@ -38,7 +38,7 @@ class ReplayPanel:
     def _on_click(self, button: viser.GuiButtonHandle, action: Any) -> None:
         @button.on_click
         async def _(event: viser.GuiEvent) -> None:
-            self._worker.submit(button, lambda: attempt(action, event.client))
+            self._worker.submit(button.label, lambda: attempt(action, event.client))
 
     def show(self) -> None:
         """Show the recording that is chosen."""
@@ -51,13 +51,13 @@ class ReplayPanel:
         replayed = snapshot["backend"] == BACKEND.encode()
         recording = bool(snapshot["recording"])
         if self._recording and not recording:
-            self._worker.submit(self.recordings, self.refresh)
+            self._worker.submit("list", self.refresh)
         self._recording = recording
         for widget in (self.time, self.speed, self.leave, self.note):
             if widget.visible != replayed:
                 widget.visible = replayed
                 if replayed and widget is self.time:
-                    self._worker.submit(self.time, lambda: attempt(self._fit, None))
+                    self._worker.submit("fit", lambda: attempt(self._fit, None))
         if replayed:
             for binding in self._bindings:
                 binding.sync(snapshot)

@@ -93,9 +93,10 @@ class _Packing:
 
     def _array(self, array: np.ndarray) -> dict[str, Any]:
         base = array.base
-        if isinstance(base, np.ndarray):
+        if isinstance(base, np.ndarray) and array.dtype.names is None:
             offset = array.__array_interface__["data"][0] - base.__array_interface__["data"][0]
-            return {"view": self.value(base), "offset": offset, "shape": array.shape, "strides": array.strides}
+            place = {"offset": offset, "shape": array.shape, "strides": array.strides, "dtype": array.dtype.str}
+            return {"view": self.value(base), **place}
         name = f"array_{len(self.arrays)}"
         self.arrays[name] = array
         return {"array": name}
@@ -135,7 +136,7 @@ class _Unpacking:
             return _class(node["frozen"])(**{name: self.value(child, None) for name, child in node["fields"].items()})
         if "view" in node:
             base = self.value(node["view"], None)
-            return np.ndarray(tuple(node["shape"]), base.dtype, base, node["offset"], tuple(node["strides"]))
+            return np.ndarray(tuple(node["shape"]), node["dtype"], base, node["offset"], tuple(node["strides"]))
         if "array" in node:
             return self._array(self._arrays[node["array"]], present)
         if "dict" in node:

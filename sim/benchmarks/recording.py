@@ -11,13 +11,15 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import tempfile
 from pathlib import Path
 
-from sim.benchmarks.recording_files import files, kills
-from sim.benchmarks.recording_ticks import again, history, recorder, ticks
 from sim.benchmarks.report import Report, argument_parser
 
 
 def main() -> None:
     """Run the benchmark."""
+    # The recorder that is spawned imports this file, and shall not hold what it has no use for.
+    from sim.benchmarks.recording_files import files, kills
+    from sim.benchmarks.recording_ticks import again, history, recorder, ticks
+
     arguments = argument_parser(__doc__ or "").parse_args()
     quick: bool = arguments.quick
     report = Report("recording", arguments.seed)

@@ -113,7 +113,7 @@ def history(report: Report, seconds: float) -> None:
     """Kept moments, and stepping back by amounts drawn at random."""
     session = Simulation(SimulationConfig(seed=report.seed))
     past, asked = History(session), setpoint()
-    kept_ms = []
+    kept_ms, size_kb = [], float("nan")
     for tick in range(round(seconds / TICK_S)):
         session.tick_setpoint(asked, 0.0)
         past.ticked(asked, 0.0)

@@ -4,11 +4,12 @@ Frames are named as those panels expect them: `odom` is the world, `base_link` t
 """
 
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
-from google.protobuf.descriptor import Descriptor, FileDescriptor
+from google.protobuf.descriptor import FileDescriptor
 from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from google.protobuf.message import Message
 
@@ -37,8 +38,7 @@ def descriptors_of(message: type[Message]) -> bytes:
                 add(needed)
             file.CopyToProto(files.file.add())
 
-    descriptor: Descriptor = message.DESCRIPTOR
-    add(descriptor.file)
+    add(cast(FileDescriptor, message.DESCRIPTOR.file))
     return files.SerializeToString()
 
 

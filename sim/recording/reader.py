@@ -107,6 +107,7 @@ class Recording:
 
     def events(self) -> list[Event]:
         """All that were done, in order."""
+        self._file.seek(0)
         reader = make_reader(self._file)
         found = []
         for _, _, message in reader.iter_messages(topics=["/events"]):

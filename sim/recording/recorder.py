@@ -11,7 +11,7 @@ import os
 import signal
 import time
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
@@ -137,7 +137,7 @@ class RecordingWriter:
         messages.write_states(moments["snapshot"][kept], states["body"])
         batches.append(states)
         for index in kept:
-            snapshot, time_ns = moments["snapshot"][index], int(times[index])
+            snapshot, time_ns = cast(np.void, moments["snapshot"][index]), int(times[index])
             batches.append(self._message("/tf", time_ns, transforms(snapshot, self._tree, time_ns)))
             batches.append(self._message("/scene", time_ns, arrows(snapshot, time_ns)))
         return batches

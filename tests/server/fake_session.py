@@ -24,6 +24,8 @@ class FakeSession(Simulation):
     Ticks add 2 ms. Scene "broken" makes them fail, "slow" makes them late; controller "suicide" ends the process.
     """
 
+    scene = ""
+
     def __init__(self, config: SimulationConfig | None = None) -> None:
         self.config = config or SimulationConfig()
         self.time_s = 0.0
@@ -38,6 +40,7 @@ class FakeSession(Simulation):
         self.command = DEFAULT_COMMAND
         self.dragged = False
         self.pipeline_resets = 0
+        self.tasks = SimpleNamespace(running=False)
 
     def pack_state(self) -> None:
         raise StateError("a fake carries nothing")

@@ -5,6 +5,7 @@ import json
 import os
 import signal
 import time
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -26,7 +27,7 @@ def call(server: RunningServer, method: str, path: str, body: Any = None) -> Any
 
 
 @pytest.fixture
-def paused(server: RunningServer) -> RunningServer:
+def paused(server: RunningServer) -> Iterator[RunningServer]:
     """Recordings of a simulation that is stepped are as long as they were asked to be."""
     call(server, "POST", "run", {"state": "paused"})
     yield server

@@ -183,7 +183,7 @@ def test_without_its_extra_the_hardware_backend_says_how_to_get_it(
     monkeypatch.setattr(operator, "unavailable_because", lambda: INSTALL_HINT)
     listed = strict(server.http.get("/api/v1/backend"))
     assert (listed["name"], listed["options"]) == ("simulation", {})
-    assert [entry["name"] for entry in listed["available"]] == ["simulation", "hardware"]
+    assert [entry["name"] for entry in listed["available"]] == ["simulation", "hardware", "replay"]
     refused = server.http.put("/api/v1/backend", json={"name": "hardware", "options": {}})
     assert refused.status_code == 409
     assert "pip install 'forcelens[hardware]'" in refused.json()["detail"]

@@ -27,7 +27,7 @@ def test_a_pipeline_in_motion_goes_into_a_file_and_into_a_fresh_one() -> None:
         for name, estimate in original.estimates.items():
             assert again.estimates[name].force_estimated_n.tobytes() == estimate.force_estimated_n.tobytes(), (tick, name)
     fresh.select_estimator("gmo_pi", (9.0, 40.0))
-    assert fresh.estimators["gmo_cqp"]._residual.gains.k1 == 9.0  # pyright: ignore[reportAttributeAccessIssue]
+    assert fresh.estimators["gmo_cqp"].momentum.gains.k1 == 9.0  # pyright: ignore[reportAttributeAccessIssue]
 
 
 @pytest.mark.parametrize("named", ["os:system", "control.files:write_whole", "control.pipeline:Nothing"])

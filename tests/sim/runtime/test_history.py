@@ -120,7 +120,7 @@ def test_a_controller_that_does_not_say_what_it_carries_is_named() -> None:
     class Stateful:
         def reset(self) -> None: ...
 
-        def step(self, _: Any) -> np.ndarray:
+        def step(self, inputs: Any) -> np.ndarray:
             return np.zeros(22)
 
     run = Run()
@@ -131,7 +131,9 @@ def test_a_controller_that_does_not_say_what_it_carries_is_named() -> None:
         run.history.go_back(0.0)
 
 
-def test_a_task_at_work_is_begun_again_or_refused() -> None:
+def test_a_task_at_work_is_begun_again_or_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = setpoint(0)  # another sequence number would take over
+    monkeypatch.setitem(globals(), "setpoint", lambda _tick: asked)
     run = Run()
     run.forward(100)
     run.do("start_task", name="guidance", options={})
