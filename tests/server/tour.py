@@ -40,14 +40,16 @@ def tour(http: httpx.Client) -> Iterator[httpx.Response]:
     yield call("POST", "reset", {"seed": 7, "keyframe": "stand"})
     yield call("POST", "run", {"state": "running", "speed": 1.0})
 
-    yield call("POST", "estimator/tool/identify")
-    yield call("PATCH", "command", {"mask": [0, 0, 1], "force_n": [0, 0, 10]})
+    while call("GET", "state").json()["time_s"] < 1.2:  # the estimate rests
+        time.sleep(0.05)
     yield call("POST", "estimator/tare")
     yield call("DELETE", "estimator/tare")
+    yield call("POST", "estimator/tool/identify")
+    yield call("PATCH", "command", {"mask": [0, 0, 1], "force_n": [0, 0, 10]})
     yield call("GET", "command")
     wrench = call("POST", "wrenches", {"force_n": [0, 0, 10], "frame": "heading", "duration_s": 60, "ramp_s": 0.3})
     yield wrench
-    while (state := call("GET", "state")).json()["time_s"] < 1.5:
+    while (state := call("GET", "state")).json()["time_s"] < 2.5:
         time.sleep(0.05)
     yield state
     yield call("GET", "wrenches")
