@@ -54,6 +54,10 @@ def refused(server: RunningServer) -> Iterator[httpx.Response]:
     yield server.http.patch(f"{API}command", json={"guidance": True})
 
 
+def _is_json(response: httpx.Response) -> bool:
+    return response.headers.get("content-type", "").startswith("application/json")
+
+
 def example(response: httpx.Response) -> tuple[str, Any]:
     """Name and value of an example: of a list its first entry."""
     value = json.loads(response.text, parse_float=lambda text: round(float(text), 4))
@@ -69,7 +73,7 @@ def main() -> None:
         while server.state()["time_s"] < SETTLED_S:
             time.sleep(0.1)
         responses = [*tour(server.http), *robot(server.http), *refused(server)]
-    examples = dict(example(response) for response in responses if response.content and route_of(response) is not None)
+    examples = dict(example(response) for response in responses if _is_json(response) and route_of(response) is not None)
     write_whole(TARGET, pretty(dict(sorted(examples.items()))) + "\n")
 
 
