@@ -32,6 +32,7 @@ from control.failures import FailureError, Failures
 from control.faults import Fault
 from control.hand_load.load import HandLoad
 from control.hand_load.tool import IdentificationConfig
+from control.joints import JOINT_COUNT
 from control.kernels.compiled import kernel
 from control.kernels.small_algebra import rotate_back
 from control.paths import WEIGHTS_DIRECTORY
@@ -286,7 +287,8 @@ class Pipeline:
         self._estimate(EstimatorInput(self._tick, self.model, sensor, base, self._applied.mask))
         flags, estimate = EstimatorFlag.NONE, self._estimates.get(self.estimator_name)
         if estimate is not None:
-            unexplained, distance = self._observed.unexplained, self._self_contact.distance_m
+            unexplained = _EXPLAINED if self._observed is None else self._observed.unexplained
+            distance = self._self_contact.distance_m
             flags, estimate = self._mistrust.judge(estimate, sensor.joint_position, unexplained, distance)
             self._estimates[self.estimator_name] = estimate
         odometry = self._odometry.step(self.model.rotation_heading_to_world)
@@ -421,6 +423,7 @@ def _bounded(mass_scale: float | None) -> float:
 
 
 _NOMINAL = np.ones(2)
+_EXPLAINED = np.zeros(6 + JOINT_COUNT)
 _NO_FORCE = np.zeros(3)
 _NO_FORCE.setflags(write=False)
 _NOMINAL.setflags(write=False)

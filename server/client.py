@@ -365,7 +365,8 @@ class Console:
         status, content = self._wire.exchange("GET", call, None, self._headers, PATIENCE_S)
         if status >= 400:
             raise _error(status, content)
-        path.write_bytes(content)
+        with path.open("wb") as file:
+            file.write(content)
         return path
 
 

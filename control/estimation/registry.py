@@ -49,10 +49,11 @@ def bases(estimators: Mapping[str, ForceEstimator]) -> dict[str, str]:
     return {name: names[id(estimator.nominal)] for name, estimator in learned.items() if id(estimator.nominal) in names}
 
 
-def adaptive_of(estimators: Mapping[str, ForceEstimator]) -> AdaptiveEstimator:
-    """The one whose model of the robot is best, which tells most sharply what no wrench explains."""
-    (adaptive,) = (estimator for estimator in estimators.values() if isinstance(estimator, AdaptiveEstimator))
-    return adaptive
+def adaptive_of(estimators: Mapping[str, ForceEstimator]) -> AdaptiveEstimator | None:
+    """The one whose model of the robot is best, which tells most sharply what no wrench explains; None where none runs."""
+    nominal = [estimator.nominal for estimator in estimators.values() if isinstance(estimator, LearnedEstimator)]
+    found = [estimator for estimator in (*estimators.values(), *nominal) if isinstance(estimator, AdaptiveEstimator)]
+    return found[0] if found else None
 
 
 def make_estimators(model: RobotModel, config: EstimatorsConfig) -> dict[str, ForceEstimator]:

@@ -36,8 +36,8 @@ class HandLoad:
 
     STATE = ("_tool", "_tare", "_motion", "_asked", "_message")
 
-    def __init__(self, config: IdentificationConfig, model: RobotModel, observed: AdaptiveEstimator) -> None:
-        """`observed`: whose residual shows what the model lacks, and whose masses begin anew with another tool."""
+    def __init__(self, config: IdentificationConfig, model: RobotModel, observed: AdaptiveEstimator | None) -> None:
+        """`observed`: whose residual shows what the model lacks, and whose masses begin anew with another tool, if it runs."""
         self._config, self._model, self._observed = config, model, observed
         self._tool = Tool()
         self._tare = Tare()
@@ -76,15 +76,18 @@ class HandLoad:
         """Let model, controller and estimators carry a tool from the next tick on."""
         self._tool, self._message = tool, ""
         self._model.carry(tool.mass_kg, tool.center_of_mass_m)
-        self._observed.forget_parameters()
+        if self._observed is not None:
+            self._observed.forget_parameters()
         self._tare.clear()
 
     def identify_tool(self, applied: Command) -> None:
         """Begin the motion that finds the tool; any other command ends it.
 
         Raises:
-            TareError: the hand presses or is led.
+            TareError: the hand presses or is led, or no estimator runs that would show the tool.
         """
+        if self._observed is None:
+            raise TareError("the motion that finds a tool needs the estimator `adaptive`")
         _require_idle(applied, "the motion that finds a tool")
         self._motion, self._asked = ToolIdentification(self._config, self._model, applied), None
         self._message = ""
@@ -116,7 +119,7 @@ class HandLoad:
             self._tare.restart()
         else:
             self._tare.observe(force_n, CONTROL_PERIOD_S)
-        if self._motion is None:
+        if self._motion is None or self._observed is None:
             return
         self._motion.step(self._model, self._observed.momentum.residual, CONTROL_PERIOD_S)
         if self._motion.finished:

@@ -244,11 +244,12 @@ def test_the_last_good_estimate_of_the_selected_estimator_holds_and_another_take
     setattr(stand.pipeline.estimators["adaptive"], method, defect)
     output = stand.run(0.3)
     np.testing.assert_array_equal(output.hand.force_estimated_n, good)
-    assert output.safety.faults == Fault.ESTIMATOR_ERROR | Fault.ESTIMATOR_STALE
+    assert Fault.ESTIMATOR_ERROR | Fault.ESTIMATOR_STALE in output.safety.faults
     assert not output.safety.damping
     stand.pipeline.select_estimator("gmo_cqp")
     output = stand.run()
-    assert output.safety.faults == Fault.ESTIMATOR_ERROR  # it is still shown
+    assert Fault.ESTIMATOR_ERROR in output.safety.faults  # it is still shown
+    assert Fault.ESTIMATOR_STALE not in output.safety.faults
     assert not output.estimates["gmo_cqp"].stale
 
 

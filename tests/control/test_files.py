@@ -67,7 +67,8 @@ def test_a_file_that_does_not_fit_leaves_the_old_one(tmp_path: Path) -> None:
 def test_no_result_is_written_in_any_other_way(part: str) -> None:
     writers = {"write_text", "write_bytes", "savez", "savez_compressed", "save_npz"}
     for path in (ROOT / part).rglob("*.py"):
-        if path == ROOT / "control" / "files.py":
+        # The second packs into memory.
+        if path in (ROOT / "control" / "files.py", ROOT / "control" / "state" / "file.py"):
             continue
         tree = ast.parse(path.read_text())
         guarded = {

@@ -9,6 +9,7 @@ from server.control_client import ControlClient
 from server.control_process import ControlLaunch
 from server.errors import InvalidFieldError
 from server.operator import Operator
+from sim.recording import tap
 
 
 def test_what_is_left_out_stays_and_what_is_refused_changes_nothing() -> None:
@@ -16,6 +17,7 @@ def test_what_is_left_out_stays_and_what_is_refused_changes_nothing() -> None:
     client = SimpleNamespace(
         write_setpoint=lambda **_: None,
         unheard_s=lambda: 0.0,
+        tap_memory=tap.allocate(),
         call=lambda _event, _timeout_s, **fields: calls.append(fields),
     )
     operator = Operator(cast(ControlClient, client), ControlLaunch())
