@@ -24,8 +24,6 @@ class FakeSession(Simulation):
     Ticks add 2 ms. Scene "broken" makes them fail, "slow" makes them late; controller "suicide" ends the process.
     """
 
-    scene = ""
-
     def __init__(self, config: SimulationConfig | None = None) -> None:
         self.config = config or SimulationConfig()
         self.time_s = 0.0
