@@ -42,7 +42,7 @@ class TaskDesk:
     What it carries can be taken and put back but while a task is at work: its program cannot.
     """
 
-    STATE = ("_next_id", "_records", "_command", "in_charge")
+    STATE = ("_next_id", "_records", "_command", "in_charge", "_position_m", "_standstill")
 
     def __init__(self, limits: CommandLimits) -> None:
         self._limits = limits

@@ -17,6 +17,8 @@ RESTS_AFTER_S = 0.5
 class Standstill:
     """Follows an odometry, but for the way that it counts at rest. It turns with it always."""
 
+    STATE = ("_position", "_last", "_moved_s")
+
     def __init__(self) -> None:
         self.reset()
 

@@ -2,7 +2,7 @@
 
 import os
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from types import SimpleNamespace
 from typing import Any
 
@@ -90,7 +90,13 @@ class FakeSession(Simulation):
     def select_estimator(self, name: str, k1: float | None = None, k2: float | None = None) -> None:
         raise ValueError(f"unknown estimator {name!r}")
 
-    def set_mismatch(self, mass_scale: float, per_link: dict[str, float] | None = None) -> None:
+    def set_mismatch(
+        self,
+        mass_scale: float,
+        per_link: dict[str, float] | None = None,
+        payload_kg: float = 0.0,
+        payload_center_m: Sequence[float] = (0.0, 0.0, 0.0),
+    ) -> None:
         self.calls.append(("set_mismatch", mass_scale, per_link))
 
     def estop(self) -> None:

@@ -40,7 +40,7 @@ WRONG: list[tuple[str, str, Any, str, str]] = [
     ("POST", "reset", {"keyframe": "fly"}, "keyframe", "stand"),
     ("POST", "reset", {"seeed": 1}, "seeed", ""),
     ("POST", "control/restart", {"force": 1}, "force", "true or false"),
-    ("PUT", "backend", {"name": "toaster"}, "name", "'simulation' or 'hardware'"),
+    ("PUT", "backend", {"name": "toaster"}, "name", "'simulation', 'hardware' or 'replay'"),
     ("PUT", "backend", {"name": "hardware", "options": {"domain": 231}}, "options.domain", "0 to 230"),
     ("PUT", "backend", {"name": "hardware", "options": {"domain": 0}}, "options.allow_robot", "real robot"),
     ("PUT", "backend", {"name": "hardware", "options": {"arm_host": "10.0.0.1"}}, "options.allow_robot", "real robot"),

@@ -1,6 +1,6 @@
 """The page's tare and tool, and the payload of the simulated hand."""
 
-from types import SimpleNamespace
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -37,10 +37,20 @@ def test_every_button_asks(panel: HandLoadPanel, sink: RecordingSink, button: st
     assert sink.wait_for(call) is None
 
 
+class Client:
+    """A browser as far as notifications go."""
+
+    client_id = 0
+
+    def __init__(self, add_notification: Callable[..., None]) -> None:
+        self.add_notification = add_notification
+
+
 def test_a_refusal_is_shown_to_who_asked(panel: HandLoadPanel, sink: RecordingSink) -> None:
     told: list[Any] = []
     sink.refusal = RuntimeError("the hand moves; tare it at rest")
-    press(panel.tare, SimpleNamespace(client_id=0, add_notification=lambda *words, **_: told.append(words)))
+    client = Client(lambda *words, **_: told.append(words))
+    press(panel.tare, client)
     sink.wait_for("tare")
     until(lambda: told == [("Refused", "the hand moves; tare it at rest")])
 
