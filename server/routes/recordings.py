@@ -32,7 +32,7 @@ def start_recording(operator: TheOperator, body: RecordingRequest | None = None)
     return json_response(_answer(operator.recordings.start(body.name, body.note)), 201)
 
 
-@router.delete("/current", response_model=RecordingAnswer, responses=refusals(404, 503))
+@router.delete("/current", response_model=RecordingAnswer, responses=refusals(404, 409, 503))
 def stop_recording(operator: TheOperator) -> Response:
     """End the recording under way; answers when its file is whole."""
     return json_response(_answer(operator.recordings.stop()))

@@ -32,7 +32,7 @@ def get_task(task_id: Key, operator: TheOperator) -> Response:
     return json_response(operator.tasks.get(None if task_id == "current" else task_id))
 
 
-@router.delete("/{task_id}", response_model=TaskAnswer, responses=refusals(404, 422, 503))
+@router.delete("/{task_id}", response_model=TaskAnswer, responses=refusals(404, 409, 422, 503))
 def abort_task(task_id: Key, operator: TheOperator) -> Response:
     """Abort the task at work: the hand backs off along the contact's normal and holds. 404 where it is not at work."""
     return json_response(operator.tasks.abort(None if task_id == "current" else task_id))
