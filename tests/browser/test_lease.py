@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from urllib.error import HTTPError
 
 import pytest
+from playwright.sync_api import Route
 
 from tests.browser.console_page import Api, Client, eventually
 
@@ -53,10 +54,26 @@ def test_one_drives_the_others_see_who_and_anyone_stops(two: tuple[Client, Clien
     first.page.get_by_test_id("estop").click()
     api.until(lambda state: state["mode"] == "estop", "who watches may stop")
 
-    def cleared() -> bool:
-        button = second.page.get_by_test_id("estop-action")
-        if button.is_visible():
-            button.click()  # twice, within seconds
-        return api.state()["mode"] == "running"
+    for _ in range(2):  # within seconds
+        second.page.get_by_test_id("estop-action").click()
+    api.until(lambda state: state["mode"] == "running", "who drives may clear")
 
-    eventually(cleared, "who drives may clear")
+
+def test_the_page_asks_on_after_an_answer_that_broke_off(client: Client, api: Api) -> None:
+    """A busy page or a proxy in the way: one answer without its body must not end the asking."""
+    broken: list[str] = []
+
+    def cut(route: Route) -> None:
+        broken.append(route.request.method)
+        route.fulfill(status=200, content_type="application/json", body="")
+
+    eventually(lambda: client.text("driver") == "anyone", "nobody drives")
+    client.page.route("**/api/v1/lease", cut)
+    try:
+        eventually(lambda: client.text("driver") == "anyone" and broken, "the page asked")
+    finally:
+        client.page.unroute("**/api/v1/lease")
+    client.page.get_by_test_id("drive").click()
+    eventually(lambda: client.text("driver") == "you", "the page drives")
+    client.page.get_by_test_id("drive").click()
+    eventually(lambda: api.call("GET", "lease")["operator"] is None, "and gives back")

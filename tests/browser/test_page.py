@@ -83,11 +83,13 @@ def test_typing_into_a_field_is_not_a_shortcut(client: Client, api: Api) -> None
     assert state["mode"] == "running"
 
 
-def test_help_lists_the_keys_and_leaves_the_estop_free(client: Client) -> None:
+def test_help_lists_the_keys_and_leaves_the_estop_free(client: Client, api: Api) -> None:
     client.page.get_by_test_id("help").click()
     dialog = client.page.get_by_test_id("shortcuts")
     for told in ("E-stop", "Escape always stops", "key's place"):
         assert told in dialog.inner_text()
     assert is_on_top(client, "estop")
+    client.page.keyboard.press("e")
+    api.until(lambda state: state["mode"] == "estop", "the key stops while the help is open")
     dialog.get_by_text("Close").click()
     assert not dialog.is_visible()

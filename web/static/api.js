@@ -10,9 +10,9 @@ export class ApiError extends Error {
   }
 }
 
-/** Call `method path` with a JSON body; returns the answer's JSON. Throws ApiError, with `timeoutMs` also when none comes. */
+/** Call `method path` with a JSON body; returns the answer's JSON. Throws ApiError, with `timeoutMs` also when none comes whole. */
 export async function call(method, path, body, timeoutMs) {
-  let response;
+  let response, text;
   try {
     response = await fetch(new URL(path, ROOT), {
       method,
@@ -20,13 +20,25 @@ export async function call(method, path, body, timeoutMs) {
       body: body === undefined ? undefined : JSON.stringify(body),
       signal: timeoutMs === undefined ? undefined : AbortSignal.timeout(timeoutMs),
     });
+    text = await response.text();
   } catch {
     throw new ApiError("The server does not answer. Is it still running?");
   }
-  const answer = await response.json().catch(() => null);
+  const answer = parsed(text);
   if (!response.ok)
     throw new ApiError(reason(answer) ?? `${method} ${path} failed with status ${response.status}.`, response.status);
+  if (answer === undefined) throw new ApiError(`${method} ${path} was answered by something else than the console: a proxy?`);
   return answer;
+}
+
+/** The JSON in `text`, null for an empty answer, undefined where it is something else. */
+function parsed(text) {
+  if (text === "") return null;
+  try {
+    return JSON.parse(text);
+  } catch {
+    return undefined;
+  }
 }
 
 function reason(answer) {
