@@ -67,6 +67,7 @@ def run(words: Sequence[str], starting: Starting) -> int:
 def _serve(arguments: argparse.Namespace, listener: socket.socket, starting: Starting) -> int:
     # What takes long to import is not needed to print a help text.
     _compile(listener)
+    _load_no_machine_code()
     from control.pipeline import PipelineConfig
     from server.backend_choice import with_options
     from server.config import ConfigError, ServerConfig
@@ -133,6 +134,13 @@ def _compile(listener: socket.socket) -> None:
             _say(sys.stderr, progress_text(done, count))
 
         compile_all(tell)
+
+
+def _load_no_machine_code() -> None:
+    """Run the few kernels that serving needs as plain Python: loading all takes two seconds, and the control process has its own."""
+    from numba.core import config
+
+    config.DISABLE_JIT = 1
 
 
 def _refuse(error: Exception) -> int:

@@ -65,7 +65,7 @@ class CommandLimits:
     orientation_speed_rps: float = 1.2
     orientation_acceleration_rps2: float = 4.0
     force_rate_nps: float = 50.0
-    guidance_force_n: Range = (-60.0, 60.0)
+    guidance_force_n: Range = (-46.0, 46.0)
     guidance_force_rate_nps: float = 250.0
     velocity_acceleration: tuple[float, float, float] = (1.0, 0.5, 1.5)
 
