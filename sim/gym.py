@@ -8,6 +8,7 @@ tried in the other. One step is a control period of 20 ms.
 
 import queue
 import threading
+from abc import ABC, abstractmethod
 from dataclasses import replace
 from typing import Any
 
@@ -95,7 +96,7 @@ class _Agent:
         return self._decided.get()
 
 
-class FullStackEnv(gymnasium.Env[np.ndarray, np.ndarray]):
+class FullStackEnv(gymnasium.Env[np.ndarray, np.ndarray], ABC):
     """One robot in the full stack; a task says what is asked and what is good.
 
     Args:
@@ -151,15 +152,16 @@ class FullStackEnv(gymnasium.Env[np.ndarray, np.ndarray]):
             self._renderer.close()
             self._renderer = None
 
+    @abstractmethod
     def _draw(self) -> Command:
         """A command of this task, from `self.np_random`."""
-        raise NotImplementedError
 
     def _before(self) -> None:
-        """What else happens in a step."""
+        """What else happens in a step; nothing by default."""
 
+    @abstractmethod
     def _reward(self) -> float:
-        raise NotImplementedError
+        """What the last step was worth, from truth."""
 
     def _info(self) -> dict[str, Any]:
         """Truth, which no observation has."""

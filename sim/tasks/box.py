@@ -8,11 +8,12 @@ import numpy as np
 from control.command.limits import CommandLimits
 from control.types import Command
 from sim.scenes.box import CENTER_X_M, MASS_KG, SLIDE_DAMPING, TOP_HEIGHT_M
-from sim.tasks.task import CONTACT_S, Lasting, Option, Phase, RunningMean, reached, require_reach
+from sim.tasks.press import Press
+from sim.tasks.task import Option, Phase, RunningMean, require_reach
 from sim.tasks.view import TaskView
 
 PITCH_RAD = 1.0
-TOUCH_N = 3.0
+ABOVE_M = 0.05
 FREQUENCY_HZ = 0.2
 STIFFNESS = 25.0
 """N/m, on what the hand still is off the way meant."""
@@ -70,11 +71,7 @@ class Box:
 
     def phases(self) -> Iterator[Phase]:
         """See Task."""
-        above = np.array([CENTER_X_M, 0.0, TOP_HEIGHT_M + 0.05])
-        touching, lifted = Lasting(CONTACT_S), Lasting(0.5)
-
-        def press(view: TaskView, force_n: float) -> Command:
-            return view.command(above, pitch_rad=PITCH_RAD, mask=(0, 0, 1), force_n=(0.0, 0.0, force_n))
+        press = Press("box", np.array([CENTER_X_M, 0.0, TOP_HEIGHT_M + ABOVE_M]), PITCH_RAD, self._press)
 
         def drag(view: TaskView) -> Command:
             if view.phase_s < 0.03:
@@ -84,33 +81,8 @@ class Box:
             if view.phase_s > 0.5:
                 self._squares.add((view.force_n - asked)[1:] ** 2)
                 self._low_m, self._high_m = min(self._low_m, place), max(self._high_m, place)
-            return view.command(above, pitch_rad=PITCH_RAD, mask=(0, 1, 1), force_n=asked)
+            return view.command(press.above_m, pitch_rad=PITCH_RAD, mask=(0, 1, 1), force_n=asked)
 
-        def slipped(view: TaskView) -> str | None:
-            return "the contact is lost" if view.force_n[2] < 0.3 * self._press else None
-
-        yield Phase(
-            "approach",
-            lambda view: view.command(above, pitch_rad=PITCH_RAD),
-            lambda view: view.phase_s > 1.5 and reached(view, above),
-            limit_s=6.0,
-            late="the hand does not come above the box",
-            until=0.1,
-        )
-        yield Phase(
-            "touch",
-            lambda view: press(view, TOUCH_N),
-            lambda view: touching(view, view.force_n[2] > 2.0),
-            limit_s=5.0,
-            late="no box is met",
-            until=0.15,
-        )
-        yield Phase("press", lambda view: press(view, self._press), lambda _: False, limit_s=2.0, until=0.25)
-        yield Phase("drag", drag, lambda _: False, limit_s=self._periods / FREQUENCY_HZ, wrong=slipped, until=0.95)
-        yield Phase(
-            "lift",
-            lambda view: view.command(np.array([*view.hand_m[:2], TOP_HEIGHT_M + 0.08]), pitch_rad=PITCH_RAD),
-            lambda view: lifted(view, abs(float(view.force_n[2])) < 2.0 and view.phase_s > 0.5),
-            limit_s=4.0,
-            late="the hand does not come off the box",
-        )
+        yield from press.come_down()
+        yield Phase("drag", drag, lambda _: False, limit_s=self._periods / FREQUENCY_HZ, wrong=press.lost, until=0.95)
+        yield from press.lift()

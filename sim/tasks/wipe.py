@@ -8,12 +8,12 @@ import numpy as np
 from control.command.limits import CommandLimits
 from control.types import Command
 from sim.scenes.board import PATTERN_CENTER_M, TOP_HEIGHT_M, pattern
-from sim.tasks.task import CONTACT_S, Lasting, Option, Phase, RunningMean, reached, require_reach
+from sim.tasks.press import Press
+from sim.tasks.task import Option, Phase, RunningMean, require_reach
 from sim.tasks.view import TaskView
 
 PITCH_RAD = 0.6
 ABOVE_M = 0.06
-TOUCH_N = 3.0
 EASE_S = 1.0
 HURRY = 0.8
 """Share of the planar error by which the command runs ahead besides: a rough or bumpy board holds the hand back."""
@@ -69,11 +69,7 @@ class Wipe:
 
     def phases(self) -> Iterator[Phase]:
         """See Task."""
-        above = np.array([*PATTERN_CENTER_M, TOP_HEIGHT_M + ABOVE_M])
-        touching, lifted = Lasting(CONTACT_S), Lasting(0.5)
-
-        def press(view: TaskView, force_n: float) -> Command:
-            return view.command(above, pitch_rad=PITCH_RAD, mask=(0, 0, 1), force_n=(0.0, 0.0, force_n))
+        press = Press("board", np.array([*PATTERN_CENTER_M, TOP_HEIGHT_M + ABOVE_M]), PITCH_RAD, self._force)
 
         def wipe(view: TaskView) -> Command:
             self.target_m = self.place(view.phase_s)
@@ -86,32 +82,7 @@ class Wipe:
                 np.array([*ahead, TOP_HEIGHT_M]), pitch_rad=PITCH_RAD, mask=(0, 0, 1), force_n=(0.0, 0.0, self._force)
             )
 
-        def off_the_board(view: TaskView) -> str | None:
-            return "the contact is lost" if view.force_n[2] < 0.3 * self._force else None
-
-        yield Phase(
-            "approach",
-            lambda view: view.command(above, pitch_rad=PITCH_RAD),
-            lambda view: view.phase_s > 1.0 and reached(view, above),
-            limit_s=6.0,
-            late="the hand does not come above the board",
-            until=0.1,
-        )
-        yield Phase(
-            "touch",
-            lambda view: press(view, TOUCH_N),
-            lambda view: touching(view, view.force_n[2] > 2.0),
-            limit_s=5.0,
-            late="no board is met",
-            until=0.15,
-        )
-        yield Phase("press", lambda view: press(view, self._force), lambda _: False, limit_s=1.5, until=0.2)
-        yield Phase("wipe", wipe, lambda _: False, limit_s=self._duration, wrong=off_the_board, until=0.95)
+        yield from press.come_down()
+        yield Phase("wipe", wipe, lambda _: False, limit_s=self._duration, wrong=press.lost, until=0.95)
         self.target_m = None
-        yield Phase(
-            "lift",
-            lambda view: view.command(above + [0.0, 0.0, 0.03], pitch_rad=PITCH_RAD),
-            lambda view: lifted(view, abs(float(view.force_n[2])) < 2.0 and view.phase_s > 0.5),
-            limit_s=4.0,
-            late="the hand does not come off the board",
-        )
+        yield from press.lift()
