@@ -291,7 +291,7 @@ class Pipeline:
             distance = self._self_contact.distance_m
             flags, estimate = self._mistrust.judge(estimate, sensor.joint_position, unexplained, distance)
             self._estimates[self.estimator_name] = estimate
-        odometry = self._odometry.step(self.model.rotation_heading_to_world)
+        odometry = self._odometry.step()
         hand = self._hand(base.height_m, _NO_FORCE if estimate is None else estimate.force_estimated_n)
         if estimate is not None:  # no controller acts on a force that nobody has estimated
             if due(Job.REFERENCES, self._tick) or self._starting:

@@ -137,7 +137,7 @@ def _compile(listener: socket.socket) -> None:
 
 
 def _load_no_machine_code() -> None:
-    """Run the few kernels that serving needs as plain Python: loading all takes two seconds. The control process has its own."""
+    """Run the few kernels that serving needs as plain Python: loading all takes seconds. The control process has its own."""
     from numba.core import config
 
     config.DISABLE_JIT = 1

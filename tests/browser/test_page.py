@@ -1,6 +1,7 @@
 """The page loads clean, and its bar and keys do what they say."""
 
 import pytest
+from playwright.sync_api import Route
 
 from tests.browser.console_page import Api, Client, eventually
 from tests.browser.page_geometry import is_on_top
@@ -93,3 +94,20 @@ def test_help_lists_the_keys_and_leaves_the_estop_free(client: Client, api: Api)
     api.until(lambda state: state["mode"] == "estop", "the key stops while the help is open")
     dialog.get_by_text("Close").click()
     assert not dialog.is_visible()
+
+
+def test_behind_a_proxy_that_rewrites_the_host_the_banner_tells_the_cure(client: Client) -> None:
+    """Such a proxy makes the page's Origin differ from the Host that the server sees."""
+
+    def rewrite(route: Route) -> None:
+        headers = {**route.request.headers, "origin": "http://robot.example"}
+        route.fulfill(response=route.fetch(headers=headers))
+
+    client.page.route("**/api/v1/estop/check", rewrite)
+    try:
+        eventually(lambda: client.text("connection") == "not permitted", "a page that cannot stop the robot is not live")
+        told = client.page.get_by_test_id("banner-link").inner_text()
+        assert "robot.example" in told and "proxy_set_header Host $http_host;" in told
+    finally:
+        client.page.unroute("**/api/v1/estop/check")
+    eventually(lambda: client.text("connection") == "live", "the cure helps at once")
