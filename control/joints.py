@@ -24,6 +24,9 @@ WHEEL_HALF_WIDTH_M = 0.02
 WHEEL_FRICTION = 0.8
 """Coulomb coefficient of a wheel on the floor (assets/robot/PROVENANCE.md); equals the geoms of assets/robot/robot.xml."""
 
+STOP_MARGIN_RAD = 0.02
+"""A joint this close to its end may lie against it."""
+
 END_EFFECTOR_FRAME = "end_effector"
 WHEEL_CENTER_FRAMES = tuple(f"{leg}_wheel_center" for leg in LEGS)
 

@@ -32,7 +32,7 @@ from control.estimation.wrench_projection import (
     unconstrained_wrench,
 )
 from control.estimation.wrench_qp import WrenchProjectionError
-from control.joints import ARM_SLICE, LEGS, WHEEL_FRICTION
+from control.joints import ARM_SLICE, LEGS, STOP_MARGIN_RAD, WHEEL_FRICTION
 from control.kernels.compiled import kernel
 from control.robot_model import WRENCH_SIZE, RobotModel
 from control.timing import Job, due
@@ -56,7 +56,7 @@ class AdaptiveConfig:
     weights: ProjectionWeights = field(default_factory=lambda: ProjectionWeights(support_cost=1e-6, force_cost=1e-6))
     adaptation: ModelAdaptationConfig = field(default_factory=ModelAdaptationConfig)
     friction: float = WHEEL_FRICTION
-    stop_margin_rad: float = 0.02
+    stop_margin_rad: float = STOP_MARGIN_RAD
 
 
 @kernel("void(vector, f8[::1], f8[::1], f8, i8[::1], f8[::1], f8[::1])")

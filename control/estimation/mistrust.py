@@ -10,7 +10,7 @@ from enum import IntFlag
 
 import numpy as np
 
-from control.joints import ARM_SLICE
+from control.joints import ARM_SLICE, STOP_MARGIN_RAD
 from control.kernels.compiled import kernel
 from control.robot_model import RobotModel
 from control.types import ForceEstimate
@@ -38,7 +38,7 @@ class MistrustConfig:
     error_per_nm: N per N m of it, that adds to sigma beyond that.
     """
 
-    stop_margin_rad: float = 0.02
+    stop_margin_rad: float = STOP_MARGIN_RAD
     stop_sd_n: float = 0.6
     near_m: float = 0.005
     near_sd_n: float = 4.0

@@ -13,6 +13,7 @@ import numpy as np
 from control.frames import quaternion_multiply
 from control.joints import ARM_SLICE
 from control.robot_model import GRAVITY_MPS2, RobotModel
+from control.timing import CONTROL_PERIOD_S
 from control.types import Command
 
 MAX_TOOL_KG = 3.0
@@ -88,7 +89,7 @@ class ToolIdentification:
         mass_sd, moment_sd = config.tool_sd
         prior = np.array([mass_sd, moment_sd, moment_sd, moment_sd, config.arm_mass_sd])
         self._information, self._vector = np.diag(prior**-2.0), np.zeros(5)
-        self._samples = round(config.rest_s / 0.02)
+        self._samples = round(config.rest_s / CONTROL_PERIOD_S)
 
     @property
     def progress(self) -> float:

@@ -6,6 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from control.command.limits import CommandLimits
+from control.timing import CONTROL_PERIOD_S
 from control.types import Command
 from sim.scenes.box import CENTER_X_M, MASS_KG, SLIDE_DAMPING, TOP_HEIGHT_M
 from sim.tasks.press import Press
@@ -63,7 +64,7 @@ class Box:
 
     def force(self, elapsed_s: float, place_m: float) -> float:
         """Lateral force, N, on the box: what its friction and mass take on the way meant, and a spring to it."""
-        step = 0.02
+        step = CONTROL_PERIOD_S
         before, now, after = (self.way(max(0.0, elapsed_s + shift)) for shift in (-step, 0.0, step))
         speed, acceleration = (after - before) / (2.0 * step), (after - 2.0 * now + before) / step**2
         force = SLIDE_DAMPING * speed + MASS_KG * acceleration + STIFFNESS * (now - place_m)
