@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from control.paths import ROOT
 from server.client import (
     Console,
     InvalidFieldError,
@@ -40,7 +41,7 @@ def console(server: RunningServer) -> Iterator[Console]:
 def test_it_needs_nothing_but_numpy_and_websockets() -> None:
     heavy = {"fastapi", "pydantic", "uvicorn", "mujoco", "pinocchio", "viser", "control", "sim", "web", "matplotlib", "scipy"}
     code = f"import sys, server.client; assert not {heavy} & set(sys.modules), sys.modules"
-    subprocess.run([sys.executable, "-c", code], check=True, cwd=Path(__file__).parents[2])
+    subprocess.run([sys.executable, "-c", code], check=True, cwd=ROOT)
 
 
 @pytest.mark.parametrize("example", EXAMPLES, ids=lambda example: example.__name__)

@@ -13,7 +13,7 @@ from pathlib import Path
 import httpx
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
+from control.paths import ROOT
 
 
 def start(*arguments: str) -> subprocess.Popen[str]:

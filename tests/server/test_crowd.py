@@ -11,7 +11,6 @@ import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, closing
-from pathlib import Path
 from urllib.parse import urlsplit
 
 import httpx
@@ -19,13 +18,13 @@ import pytest
 from starlette.types import Message, Receive, Scope, Send
 from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
 
+from control.paths import ROOT
 from server import admission, http_protocol
 from server.admission import ALWAYS_SERVED, LONGEST_WAIT_S, MAX_BURST, MAX_CALLS, MAX_RATE_HZ, MAX_SOCKETS, Admission, CallRate
 from server.crowd import max_connections
 from server.http_protocol import MAX_HEAD_BYTES, GuardedHttpProtocol
 from tests.server.running_server import RunningServer
 
-ROOT = Path(__file__).resolve().parents[2]
 HEAD = b"GET /api/v1/state HTTP/1.1\r\nHost: 127.0.0.1\r\n"
 PATIENCE_S = 20.0
 SHORT_S = 0.3

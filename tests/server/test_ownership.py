@@ -7,9 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from control.paths import ROOT
 from server.ownership import ShadowedPackageError, check_ownership
-
-ROOT = Path(__file__).resolve().parents[2]
 
 
 def test_our_own_packages_pass() -> None:

@@ -14,12 +14,12 @@ from pathlib import Path
 import httpx
 import pytest
 
+from control.paths import ROOT
 from server.command_line import parser
 from server.listening import listen
 from sim.emulator.command_line import parser as emulator_parser
 from tests.server.listening import tree
 
-ROOT = Path(__file__).resolve().parents[2]
 PATIENCE_S = 60.0
 MOMENTS = 6
 NO_TEMPORARY_FOLDERS = """

@@ -4,12 +4,12 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from control.joints import DAMPING, NOMINAL_POSITION, STIFFNESS
+from control.paths import ROOT
 from control.types import JointCommand
 from sim.backends.hardware.backend import unavailable_because
 from sim.backends.hardware.io.command_limiter import stack
@@ -22,7 +22,6 @@ from sim.backends.z1.driver import Z1Config
 from sim.emulator.physics import CROUCH
 from sim.emulator.process import free_udp_port
 
-ROOT = Path(__file__).resolve().parents[3]
 PATIENCE_S = 30.0
 
 

@@ -16,6 +16,7 @@ from pathlib import Path
 
 import pytest
 
+from control.paths import ROOT
 from sim.backends.hardware.backend import HardwareBackend
 from sim.backends.hardware.config import HardwareConfig
 from sim.backends.hardware.limits import HardwareLimits
@@ -32,7 +33,6 @@ from sim.emulator.process import free_udp_port
 from tests.sim.hardware.hardware_rig import BRISK
 
 HERE = Path(__file__).parent
-ROOT = HERE.parents[2]
 PATIENCE_S = 40.0
 
 pytestmark = [pytest.mark.hardware, pytest.mark.realtime]

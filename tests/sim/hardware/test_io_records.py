@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from control.paths import ROOT
 from sim.backends.hardware.config import HardwareConfig
 from sim.backends.hardware.io.loop import HEALTH_EVERY, IoLoop
 from sim.backends.hardware.limits import HardwareLimits
@@ -23,8 +24,6 @@ from sim.backends.protocol import BackendError
 from sim.backends.unitree.dds import DdsConfig, RobotNetworkError
 from sim.backends.z1.driver import Z1Config
 from tests.sim.hardware.hardware_rig import Rig
-
-ROOT = Path(__file__).resolve().parents[3]
 
 
 def test_a_record_arrives_whole_or_not_at_all(tmp_path: Path) -> None:

@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from control.paths import ROOT
 from sim.backends.unitree.dds import INSTALL_HINT, DdsBaseLink, DdsConfig, DdsRobotLink
 
 pytest.importorskip("cyclonedds", reason=INSTALL_HINT)
@@ -35,7 +36,6 @@ from sim.backends.unitree.rpc import MOTION_SWITCHER, RpcResponse
 HERE = Path(__file__).parent
 SOURCES = HERE / "vendor_peer"
 GOLDEN = json.loads((HERE / "golden" / "unitree.json").read_text())
-ROOT = HERE.parents[2]
 PATIENCE_S = 40.0
 CONNECTIONS = 20
 

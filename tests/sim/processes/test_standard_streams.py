@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).resolve().parents[3]
+from control.paths import ROOT
+
 CODE = """
 import logging, os, sys
 from sim.processes.standard_streams import protect_standard_streams

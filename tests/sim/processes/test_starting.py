@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).resolve().parents[3]
+from control.paths import ROOT
+
 SWALLOWS = """
 import subprocess, sys, time
 from sim.processes.starting import Starting
