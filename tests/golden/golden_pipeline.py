@@ -4,8 +4,8 @@
 
 simulates the TAKES and records them anew. The shipped file was made when the laws had just been compiled: 5000 ticks of that
 code equalled those of the numpy code before it (commit f7c8db5) to 1e-9, and 1e-5 behind a network. Since then the legs prepare
-for what is felt, and hands that are asked for no force yield within borders. Record anew only where a law or shipped weights
-change on purpose, and say so.
+for what is felt, and hands that are asked for no force yield within borders; the targets are a `replay` of those frames
+by a policy that was trained anew. Record anew only where a law changes on purpose, and say so.
 
 The loop is closed while recording and open in a replay: the recorded frames go in, whatever comes out. Frames are rounded to
 single precision, which keeps the file small, before the recording pipeline sees them: both see exactly the same numbers.
