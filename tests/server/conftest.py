@@ -15,8 +15,9 @@ def shared_server() -> Iterator[RunningServer]:
 
 @pytest.fixture
 def server(shared_server: RunningServer) -> RunningServer:
-    """The server with the robot at its start, running."""
+    """The server with the robot at its start, running, and a client that no earlier test has made known by a cookie."""
     http = shared_server.http
+    http.cookies.clear()
     if not shared_server.operator.client.alive:
         http.post("/api/v1/control/restart").raise_for_status()
     http.post("/api/v1/estop/clear").raise_for_status()

@@ -10,7 +10,6 @@ def test_it_has_the_status_and_headers_of_get_and_no_body(server: RunningServer,
     head = server.http.head(path)
     server.http.cookies.clear()  # or it is known by the page's cookie from now on
     get = server.http.get(path)
-    server.http.cookies.clear()
     assert head.status_code == get.status_code == 200
     assert head.content == b"" != get.content
     for headers in (head.headers, get.headers):
