@@ -27,13 +27,13 @@ export async function call(method, path, body, timeoutMs) {
   const answer = parsed(text);
   if (!response.ok)
     throw new ApiError(reason(answer) ?? `${method} ${path} failed with status ${response.status}.`, response.status);
+  if (response.status === 204) return null;
   if (answer === undefined) throw new ApiError(`${method} ${path} was answered by something else than the console: a proxy?`);
   return answer;
 }
 
-/** The JSON in `text`, null for an empty answer, undefined where it is something else. */
+/** The JSON in `text`, undefined where it is something else. */
 function parsed(text) {
-  if (text === "") return null;
   try {
     return JSON.parse(text);
   } catch {

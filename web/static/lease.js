@@ -70,7 +70,7 @@ function show() {
 async function refresh() {
   if (lease.yours) await call("POST", "lease", { operator: ownName }, TIMEOUT_MS).catch(() => {});
   const before = lease;
-  lease = (await call("GET", "lease", undefined, TIMEOUT_MS)) ?? before;
+  lease = await call("GET", "lease", undefined, TIMEOUT_MS);
   if (before.yours && !lease.yours) toast(lease.operator ? `${lease.operator} has taken over. The base has stopped.` : "You no longer drive alone.");
   show();
 }
