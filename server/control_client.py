@@ -23,7 +23,8 @@ from sim.processes.starting import deaf_children
 from sim.recording import tap
 from sim.runtime.snapshot import SETPOINT, SNAPSHOT
 
-START_TIMEOUT_S = 60.0
+START_TIMEOUT_S = 300.0
+"""Where no machine code can be kept, the control process compiles all of it. One that dies is noticed at once."""
 CALL_TIMEOUT_S = 5.0
 SLOW_CALL_TIMEOUT_S = 30.0
 CLOSE_PATIENCE_S = 2.0

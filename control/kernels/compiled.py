@@ -1,9 +1,10 @@
 """Compiled laws: `kernel` turns a function over plain arrays of one robot into machine code with numba.
 
 A kernel has explicit signatures, so that another memory layout is a TypeError in a test and not a second compilation in
-the running loop. It is compiled when its file is imported and kept on disk. Numba keys what it keeps by the kernel's own file
-alone: a changed callee or constant of another file would stay stale. So every kernel has a folder of its own, named after the
-hash of its code, of every constant that it reads, of the kernels that it calls, and of numba, numpy and the processor.
+the running loop. It is compiled when its file is imported and kept on disk. Numba would key what it keeps by path and content
+of the kernel's own file: a changed callee or constant of another file would stay stale, and a second checkout would compile
+all anew. So every kernel has a folder of its own, named after the hash of its code, of every constant that it reads, of the
+kernels that it calls, and of numba, numpy and the processor; nothing else is asked.
 
 Environment: NUMBA_DISABLE_JIT=1 runs the kernels as plain Python, NUMBA_BOUNDSCHECK=1 checks their indices.
 """
@@ -14,6 +15,7 @@ import os
 import platform
 import tempfile
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from types import CodeType, ModuleType
 from typing import Any, TypeVar
@@ -85,16 +87,54 @@ def kernel(*signatures: str, **records: np.dtype) -> Callable[[_Function], _Func
         for part in _parts(function):
             digest.update(part)
         _digests[function] = digest.hexdigest()[:32]
-        if CACHE is not None:
-            folder = CACHE / _digests[function]
-            folder.mkdir(exist_ok=True)
-            os.utime(folder)  # in use: server.compile_all removes what is not
-            config.CACHE_DIR = str(folder)
         types = [eval(signature, {}, names) for signature in signatures]
-        compiled: Any = numba.njit(types, cache=CACHE is not None, error_model="numpy")(function)
+        with _folders_of_their_own():
+            compiled: Any = numba.njit(types, cache=CACHE is not None, error_model="numpy")(function)
         return compiled
 
     return decorate
+
+
+class KernelFolder:
+    """Numba's "cache locator" of one kernel: the folder is named after all that decides its machine code."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self.ensure_cache_path()
+        os.utime(folder)  # in use: server.compile_all removes what is not
+
+    @classmethod
+    def from_function(cls, function: Callable[..., Any], _file: str) -> "KernelFolder":
+        """Called by numba."""
+        assert CACHE is not None
+        return cls(CACHE / _digests[function])
+
+    def ensure_cache_path(self) -> None:
+        """Make the folder."""
+        self._folder.mkdir(exist_ok=True)
+
+    def get_cache_path(self) -> str:
+        """The folder."""
+        return str(self._folder)
+
+    def get_source_stamp(self) -> str:
+        """Nothing: the folder's name tells."""
+        return ""
+
+    def get_disambiguator(self) -> str:
+        """Nothing: the folder's name tells."""
+        return ""
+
+
+@contextmanager
+def _folders_of_their_own() -> Iterator[None]:
+    """What is compiled meanwhile is kept in KernelFolder, and other packages' functions where numba keeps them."""
+    before = config.CACHE_LOCATOR_CLASSES
+    config.CACHE_LOCATOR_CLASSES = f"{__name__}.{KernelFolder.__name__}"
+    try:
+        yield
+    finally:
+        config.CACHE_LOCATOR_CLASSES = before
 
 
 def _parts(function: Callable[..., Any]) -> Iterator[bytes]:

@@ -2,6 +2,7 @@
 
 import importlib
 import os
+import shutil
 import subprocess
 import sys
 import textwrap
@@ -91,6 +92,14 @@ def test_a_kernel_is_compiled_once_and_again_when_a_callee_or_constant_of_anothe
     write(package, "constants", "FACTOR = 10.0")
     write(package, "inner", INNER)
     assert run(package).split()[0] == "21.0"
+
+
+def test_a_second_checkout_and_a_moved_line_compile_nothing(package: Path, tmp_path_factory: pytest.TempPathFactory) -> None:
+    assert run(package) == "21.0 2"
+    other = tmp_path_factory.mktemp("other") / "laws"
+    shutil.copytree(package, other)
+    write(other, "inner", "    # A comment.\n" + INNER)
+    assert run(other, XDG_CACHE_HOME=str(package.parent / "cache")) == "21.0 0"
 
 
 def test_nothing_is_written_beside_the_sources(package: Path) -> None:
