@@ -3,6 +3,7 @@
 All axes are force-controlled towards zero force, so the hand yields. The planar force that remains drives the base: its x
 component rolls it forward or back, its y component turns it towards the pull. The end effector rides ahead of the wheels,
 so turning moves it sideways, and together both let it follow any planar direction although the wheels cannot.
+How far a gently led hand has moved tells of the force sooner than the estimate does, and without its bias.
 A soft centring force brings the hand back to a comfortable place before the base, so the base follows and the arm never
 stretches out.
 """
@@ -27,6 +28,8 @@ class GuidanceConfig:
 
     Attributes:
         dead_band_n: planar force below which the base rests; above the estimator's bias, so it does not drift.
+        gentle_n: planar force up to which the centring force counts for half of the driving one. From twice as much on, the
+            estimate is all of it: a firm pull swings the hand, and the base shall not swing with it.
         forward_gain: m/s per N of planar force beyond the dead band.
         yaw_gain: rad/s per N.
         forward_limit_mps, yaw_limit_rps: saturation.
@@ -38,9 +41,10 @@ class GuidanceConfig:
         glide_mps: speed at which the spring's rest position moves from where guidance began to the comfortable place.
     """
 
-    dead_band_n: float = 3.0
-    forward_gain: float = 0.045
-    yaw_gain: float = 0.09
+    dead_band_n: float = 2.0
+    gentle_n: float = 10.0
+    forward_gain: float = 0.06
+    yaw_gain: float = 0.12
     forward_limit_mps: float = 0.5
     yaw_limit_rps: float = 0.5
     smoothing_s: float = 0.08
@@ -61,7 +65,7 @@ GUIDANCE_STATE = record(force_n=3, rest_m=3)
 
 @kernel("void(Guidance, vector, f8[:])", Guidance=GUIDANCE)
 def base_velocity(config: np.record, force_n: np.ndarray, out: np.ndarray) -> None:
-    """Base velocity (3,) [m/s, 0, rad/s] for a smoothed force (3,), N, on the hand, heading frame.
+    """Base velocity (3,) [m/s, 0, rad/s] for a driving force (3,), N, on the hand, heading frame.
 
     v = clip(k_v e f_x, +-v_max), w = clip(k_w e f_y, +-w_max), where e is the share of the planar force beyond the dead band.
     """
@@ -88,6 +92,20 @@ def centring_force(config: np.record, displacement_m: np.ndarray, out: np.ndarra
         out[i] = factor * displacement_m[i]
 
 
+@kernel("void(Guidance, vector, vector, f8[:])", Guidance=GUIDANCE)
+def driving_force(config: np.record, smoothed_n: np.ndarray, centring_n: np.ndarray, out: np.ndarray) -> None:
+    """Force (3,), N, that drives the base: f + c (f_s - f), c = clip(1 - |f_xy| / 2 gentle, 0, 1/2).
+
+    Args:
+        smoothed_n: (3,) f, of the estimate.
+        centring_n: (3,) f_s, at which the hand would rest where it is.
+    """
+    size = math.hypot(smoothed_n[0], smoothed_n[1])
+    share = clip(1.0 - size / (2.0 * config.gentle_n), 0.0, 0.5)
+    for i in range(3):
+        out[i] = smoothed_n[i] + share * (centring_n[i] - smoothed_n[i])
+
+
 @kernel("void(Guidance, vector, vector, f8, State, Command)", Guidance=GUIDANCE, State=GUIDANCE_STATE, Command=COMMAND)
 def _follow(
     config: Any,
@@ -99,7 +117,7 @@ def _follow(
 ) -> None:
     """Let one command follow the hand: the force is low-passed, the spring's rest position glides to the comfortable place."""
     newest = min(1.0, dt_s / config.smoothing_s)
-    away, displacement = np.empty(3), np.empty(3)
+    away, displacement, drive = np.empty(3), np.empty(3), np.empty(3)
     for i in range(3):
         state.force_n[i] += newest * (force_estimated_n[i] - state.force_n[i])
         away[i] = config.comfortable_m[i] - state.rest_m[i]
@@ -110,8 +128,9 @@ def _follow(
         displacement[i] = hand_position[i] - state.rest_m[i]
         command.mask[i] = 1.0
         command.position_m[i] = hand_position[i]
-    base_velocity(config, state.force_n, command.base_velocity)
     centring_force(config, displacement, command.force_n)
+    driving_force(config, state.force_n, command.force_n, drive)
+    base_velocity(config, drive, command.base_velocity)
 
 
 @kernel(
