@@ -1,7 +1,7 @@
 """Pulls: how firmly a robot that yields may be pulled by its hand before it falls.
 
     python -m sim.benchmarks.pulls [--quick] [--controllers NAME ...] [--forces N ...] [--ramps S ...] [--mass-scale SCALE ...]
-                                   [--jerky] [--workers N] [--seed N] [--json PATH] [--plot DIR]
+                                   [--slopes DEG ...] [--jerky] [--workers N] [--seed N] [--json PATH] [--plot DIR]
 
 Every force in 26 directions of the heading frame, four seconds each, under guidance and with all axes on force at 0 N, on the
 full stack as it ships; with `--jerky`, on and off instead of held. The plot is a map of the directions: the largest force in
@@ -26,6 +26,7 @@ from sim.trials.trial import controller_setups
 FORCES_N = (10.0, 20.0, 30.0, 40.0)
 MASS_SCALES = (0.8, 1.0, 1.2)
 RAMPS_S = (0.05, 0.5)
+SLOPES_DEG = (0.0, 5.0)
 TILT_LIMIT_DEG = 10.0
 QUICK = 3
 """Directions under --quick."""
@@ -46,6 +47,7 @@ def row(plan: Pull, result: PullResult) -> dict[str, Any]:
         "ramp_s": plan.ramp_s,
         "jerky": plan.jerky,
         "mass_scale": plan.setup.mass_scale,
+        "slope_deg": plan.slope_deg,
         "fell": result.fell,
         "tilt_deg": result.tilt_deg,
         "excursion_m": result.excursion_m,
@@ -57,7 +59,7 @@ def row(plan: Pull, result: PullResult) -> dict[str, Any]:
 
 
 def summaries(plans: Sequence[Pull], results: Sequence[PullResult]) -> list[Row]:
-    """All directions and ramps of one controller, mode, force and mass together."""
+    """All directions, ramps and slopes of one controller, mode, force and mass together."""
     cells: dict[tuple[str, str, float, float], list[PullResult]] = {}
     for plan, result in zip(plans, results, strict=True):
         cells.setdefault((plan.setup.controller, plan.mode, plan.force_n, plan.setup.mass_scale), []).append(result)
@@ -116,6 +118,7 @@ def main() -> int:
     parser.add_argument("--forces", nargs="+", type=float, default=FORCES_N, metavar="N", help="default: 10 20 30 40")
     parser.add_argument("--ramps", nargs="+", type=float, default=RAMPS_S, metavar="S", help="to the full force")
     parser.add_argument("--mass-scale", nargs="+", type=float, default=MASS_SCALES, metavar="SCALE", help="of the robot")
+    parser.add_argument("--slopes", nargs="+", type=float, default=SLOPES_DEG, metavar="DEG", help="of the floor")
     parser.add_argument("--jerky", action="store_true", help="on and off instead of held")
     add_workers(parser)
     arguments = parser.parse_args()
@@ -123,16 +126,17 @@ def main() -> int:
     if unknown := set(arguments.controllers) - set(setups):
         parser.error(f"no controller {', '.join(sorted(unknown))}; there are {', '.join(setups)}")
     directions = [(float(x), float(y), float(z)) for x, y, z in DIRECTIONS]
-    masses, forces, ramps = arguments.mass_scale, arguments.forces, arguments.ramps
+    masses, forces, ramps, slopes = arguments.mass_scale, arguments.forces, arguments.ramps, arguments.slopes
     if arguments.quick:
         directions, masses, forces, ramps = directions[:QUICK], (1.0,), (20.0,), (0.5,)
     setups_tried = [replace(setups[name], mass_scale=mass) for name in arguments.controllers for mass in masses]
     plans = [
-        Pull(setup, mode, force, direction, ramp, arguments.jerky, arguments.seed + index)
+        Pull(setup, mode, force, direction, ramp, arguments.jerky, arguments.seed + index, slope)
         for setup in setups_tried
         for mode in arguments.modes
         for force in forces
         for ramp in ramps
+        for slope in slopes
         for index, direction in enumerate(directions)
     ]
     report = Report("pulls", arguments.seed)
@@ -142,7 +146,7 @@ def main() -> int:
         plan = plans[index]
         report.progress(
             f"{len(results)}/{len(plans)} {plan.setup.controller} {plan.mode} {plan.force_n:g} N along {plan.direction}"
-            f" at mass {plan.setup.mass_scale:g}: {'FELL' if result.fell else 'stood'}, {result.tilt_deg:.1f} deg,"
+            f" at mass {plan.setup.mass_scale:g}, slope {plan.slope_deg:g} deg: {'FELL' if result.fell else 'stood'}, {result.tilt_deg:.1f} deg,"
             f" hand {result.excursion_m:.2f} m"
         )
     done = [results[index] for index in range(len(plans))]

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import product
 
+import mujoco
 import numpy as np
 
 from control.command.limits import DEFAULT_COMMAND
@@ -23,7 +24,7 @@ MODES: dict[str, Command] = {
 DIRECTIONS = np.array([d for d in product((-1.0, 0.0, 1.0), repeat=3) if any(d)])
 """(26, 3): along the axes, the edges and the diagonals of a cube, not normalised."""
 
-SETTLE_S, PULL_S, AFTER_S = 1.0, 4.0, 1.0
+SETTLE_S, INCLINE_S, PULL_S, AFTER_S = 1.0, 1.0, 4.0, 1.0
 JERK_S, PAUSE_S = 0.6, 0.4
 
 
@@ -38,7 +39,8 @@ class Pull:
         direction: (3,) in heading, of any length.
         ramp_s: to the full force.
         jerky: on and off instead of held.
-        seed: of the sensors.
+        seed: of the sensors, and of the direction in which the floor rises.
+        slope_deg: of the floor.
     """
 
     setup: TrialSetup
@@ -48,6 +50,7 @@ class Pull:
     ramp_s: float
     jerky: bool
     seed: int
+    slope_deg: float = 0.0
 
     def pulses(self) -> Iterator[tuple[float, Pulse]]:
         """When which force begins, s."""
@@ -83,10 +86,27 @@ class PullResult:
     flags: tuple[str, ...]
 
 
+def incline(model: mujoco.MjModel, slope_rad: float, azimuth_rad: float) -> None:
+    """Let the floor rise from the origin in a direction of the world, under whatever stands on it."""
+    floor = model.geom("floor").id
+    half = 0.5 * slope_rad
+    model.geom_sameframe[floor] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE  # or MuJoCo would not look at its orientation
+    model.geom_quat[floor] = [
+        math.cos(half),
+        math.sin(half) * math.sin(azimuth_rad),
+        -math.sin(half) * math.cos(azimuth_rad),
+        0.0,
+    ]
+
+
 def pull(trial_of: Pull) -> PullResult:
     """Pull a robot that has settled, and watch until a second after."""
     command = MODES[trial_of.mode]
     trial = Trial(trial_of.setup, trial_of.seed, settle_s=SETTLE_S)
+    if trial_of.slope_deg != 0.0:
+        azimuth = np.random.default_rng(trial_of.seed).uniform(-np.pi, np.pi)
+        for elapsed in trial.run(command, INCLINE_S):
+            incline(trial.session.backend.model, math.radians(trial_of.slope_deg) * elapsed / INCLINE_S, azimuth)
     for _ in trial.run(command, SETTLE_S):
         pass
     limits = trial.session.pipeline.config.limits

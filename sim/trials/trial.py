@@ -110,7 +110,8 @@ class Trial:
         """The base lies or leans beyond recovery, or the safety gate damps."""
         w, x, y, z = self.truth.base_orientation_wxyz
         up = w * w - x * x - y * y + z * z
-        low = self.truth.base_position[2] < FALLEN_HEIGHT_M
+        floor_normal = self.session.backend.data.geom("floor").xmat.reshape(3, 3)[:, 2]  # the floor holds the origin
+        low = floor_normal @ self.truth.base_position < FALLEN_HEIGHT_M
         return bool(up < FALLEN_UP_COSINE or low or self.session.output.safety.damping)
 
     def run(self, command: Command, seconds: float) -> Iterator[float]:
