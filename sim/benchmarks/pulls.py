@@ -128,7 +128,7 @@ def main() -> int:
     directions = [(float(x), float(y), float(z)) for x, y, z in DIRECTIONS]
     masses, forces, ramps, slopes = arguments.mass_scale, arguments.forces, arguments.ramps, arguments.slopes
     if arguments.quick:
-        directions, masses, forces, ramps = directions[:QUICK], (1.0,), (20.0,), (0.5,)
+        directions, masses, forces, ramps, slopes = directions[:QUICK], (1.0,), (20.0,), (0.5,), (5.0,)
     setups_tried = [replace(setups[name], mass_scale=mass) for name in arguments.controllers for mass in masses]
     plans = [
         Pull(setup, mode, force, direction, ramp, arguments.jerky, arguments.seed + index, slope)
@@ -146,8 +146,8 @@ def main() -> int:
         plan = plans[index]
         report.progress(
             f"{len(results)}/{len(plans)} {plan.setup.controller} {plan.mode} {plan.force_n:g} N along {plan.direction}"
-            f" at mass {plan.setup.mass_scale:g}, slope {plan.slope_deg:g} deg: {'FELL' if result.fell else 'stood'}, {result.tilt_deg:.1f} deg,"
-            f" hand {result.excursion_m:.2f} m"
+            f" at mass {plan.setup.mass_scale:g}, slope {plan.slope_deg:g} deg: {'FELL' if result.fell else 'stood'},"
+            f" {result.tilt_deg:.1f} deg, hand {result.excursion_m:.2f} m"
         )
     done = [results[index] for index in range(len(plans))]
     report.rows = [row(plan, result) for plan, result in zip(plans, done, strict=True)]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from control.paths import WEIGHTS_DIRECTORY
-from sim.trials.pull import MODES, Pull, pull
+from sim.trials.pull import MODES, Pull, incline, pull
 from sim.trials.trial import Trial, controller_setups
 
 POLICY = controller_setups(WEIGHTS_DIRECTORY)["policy"]
@@ -18,6 +18,20 @@ def test_forty_newtons_fell_no_robot_and_press_no_arm_on_it(mode: str, direction
     assert not result.fell and not result.self_contact
     assert result.tilt_deg < 15.0
     assert result.excursion_m < 0.55
+
+
+def test_a_floor_rises_under_the_robot_which_stands_on_it_upright() -> None:
+    trial = Trial(POLICY, seed=613)
+    upright = trial.truth.base_orientation_wxyz
+    incline(trial.session.backend.model, np.radians(4.0), np.pi / 2)
+    for _ in trial.run(MODES["guidance"], 2.0):
+        pass
+    truth = trial.truth
+    assert not trial.fallen
+    assert np.linalg.norm(truth.base_orientation_wxyz - upright) < np.sin(np.radians(2.0))
+    left, right = truth.wheel_contact_positions[[0, 2]].mean(0), truth.wheel_contact_positions[[1, 3]].mean(0)
+    rise = np.degrees(np.arctan2(left[2] - right[2], np.linalg.norm((left - right)[:2])))
+    assert rise == pytest.approx(4.0, abs=0.5), "uphill on its left"
 
 
 def test_an_untouched_hand_that_is_asked_for_no_force_stays() -> None:
