@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from control.command.guidance import Guidance, GuidanceConfig, centring_force, guidance_record
+from control.command.guidance import Guidance, GuidanceConfig, centring_force, driving_force, guidance_record
 from control.command.limits import DEFAULT_COMMAND, HandState
 from control.frames import rotation_from_quaternion
 from control.timing import CONTROL_PERIOD_S
@@ -62,6 +62,21 @@ def test_a_pull_ahead_rolls_and_a_pull_aside_turns_towards_it(force, sign_x, sig
     assert np.sign(velocity[0]) == sign_x
     assert np.sign(velocity[2]) == sign_yaw
     assert velocity[1] == 0.0
+
+
+def test_a_gently_led_base_follows_the_hand_before_the_force_is_felt_and_a_bias_alone_does_not_move_it():
+    led = Guidance(CONFIG)
+    led.step(GUIDED, hand(), CONTROL_PERIOD_S)
+    assert repeat(led, hand((1.0, 0.0, 0.0), displacement=(0.12, 0.0, 0.0)), 0.2).base_velocity[0] > 0.0
+    assert settled((1.0, 0.0, 0.0)).base_velocity[0] == 0.0
+
+
+def test_a_firm_pull_drives_the_base_by_the_estimate_alone():
+    smoothed, centring, drive = np.array([0.0, -2.0 * CONFIG.gentle_n, 0.0]), np.array([-30.0, 4.0, 2.0]), np.empty(3)
+    driving_force(guidance_record(CONFIG)[0], smoothed, centring, drive)
+    assert np.array_equal(drive, smoothed)
+    driving_force(guidance_record(CONFIG)[0], 0.4 * smoothed, centring, drive)
+    assert np.allclose(drive, 0.5 * (0.4 * smoothed + centring))
 
 
 def test_a_vertical_force_does_not_move_the_base():
