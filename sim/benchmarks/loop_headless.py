@@ -75,7 +75,7 @@ def headless(report: Report, ticks: int) -> Durations:
 
 
 def _alternating(session: Simulation, ticks: int) -> Durations:
-    calls = (lambda: session.tick(DEFAULT_COMMAND), bare_physics(session), bare_terms(session))
+    calls = (lambda: session.tick(DEFAULT_COMMAND), bare_physics(session.backend.scene), bare_terms(session))
     results = tuple(np.empty(ticks - ticks % BLOCK) for _ in calls)
     for start in range(0, len(results[0]), BLOCK):
         for call, result in zip(calls, results, strict=True):
@@ -91,9 +91,9 @@ def _time(call: Callable[[], object], out: np.ndarray) -> None:
         out[i] = 1e6 * (time.perf_counter() - start)
 
 
-def bare_physics(session: Simulation) -> Callable[[], None]:
-    """mj_step of the same scene with the drives of the MJCF holding the nominal posture."""
-    model = scenes.build(session.backend.scene).model
+def bare_physics(scene: str) -> Callable[[], None]:
+    """mj_step of a scene with the drives of the MJCF holding the nominal posture."""
+    model = scenes.build(scene).model
     data = mujoco.MjData(model)
     for name, position in zip(JOINT_NAMES, NOMINAL_POSITION, strict=True):
         data.qpos[model.joint(name).qposadr] = position

@@ -7,9 +7,12 @@ import numpy as np
 
 from control.timing import TICK_S
 from sim.benchmarks.loop_headless import ESTIMATOR
+from sim.benchmarks.loop_reference import FIFO_PRIORITY, missed_by_physics
 from sim.benchmarks.loop_rows import row, value
 from sim.benchmarks.report import Report, at_most
 from sim.benchmarks.server_process import ServerProcess, resident_mb, watch
+
+FIFO, NO_FIFO = "SCHED_FIFO", "no real-time scheduling"
 
 
 def served(report: Report, watched_s: float, calls: int, slow_machine: bool) -> None:
@@ -24,19 +27,20 @@ def served(report: Report, watched_s: float, calls: int, slow_machine: bool) -> 
     arguments = ("--estimator", ESTIMATOR, "--seed", str(report.seed))
     ServerProcess(*arguments).stop()  # the first start after a change compiles the laws
     server = ServerProcess(*arguments)
+    ticks_s: dict[bool, float] = {}
     try:
         value(report, "server", "command to usable page", server.start_s, "s")
         latencies(report, server, calls)
         realtime = bool(server.state()["loop"]["realtime_scheduling"])
         if realtime:
-            missed_fifo = deadlines(report, server, watched_s, "SCHED_FIFO")
+            missed_fifo, ticks_s[True] = deadlines(report, server, watched_s, FIFO)
             limit = 0.5 if slow_machine else 0.1
             report.bars.append(at_most("missed deadlines with SCHED_FIFO, one client at 30 Hz", missed_fifo, limit, "%"))
             os.sched_setscheduler(server.control_pid, os.SCHED_OTHER, os.sched_param(0))
-        missed = deadlines(report, server, watched_s, "no real-time scheduling")
+        missed, ticks_s[False] = deadlines(report, server, watched_s, NO_FIFO)
         report.bars.append(at_most("missed deadlines without real-time scheduling, one client at 30 Hz", missed, 1.0, "%"))
         if realtime:
-            os.sched_setscheduler(server.control_pid, os.SCHED_FIFO, os.sched_param(20))
+            os.sched_setscheduler(server.control_pid, os.SCHED_FIFO, os.sched_param(FIFO_PRIORITY))
         for clients, limit in ((1, 30.0), (16, 50.0)):
             share = processor(report, server, clients, watched_s / 6.0)
             report.bars.append(at_most(f"web process with {clients} client(s) at 30 Hz", share, limit, "% of a core"))
@@ -49,6 +53,9 @@ def served(report: Report, watched_s: float, calls: int, slow_machine: bool) -> 
         ]
     finally:
         server.stop()
+    for fifo, tick_s in ticks_s.items():
+        metric = "missed deadlines of bare mj_steps that take as long"
+        value(report, FIFO if fifo else NO_FIFO, metric, missed_by_physics(watched_s, tick_s, fifo), "%")
 
 
 def latencies(report: Report, server: ServerProcess, calls: int) -> None:
@@ -77,8 +84,8 @@ def latencies(report: Report, server: ServerProcess, calls: int) -> None:
     ]
 
 
-def deadlines(report: Report, server: ServerProcess, seconds: float, case: str) -> float:
-    """Share of ticks that missed their deadline while one browser's worth of sockets is read, %."""
+def deadlines(report: Report, server: ServerProcess, seconds: float, case: str) -> tuple[float, float]:
+    """Share of ticks that missed their deadline while one browser's worth of sockets is read, %, and their median, s."""
     counts: list[int] = []
 
     def measure() -> None:
@@ -90,7 +97,8 @@ def deadlines(report: Report, server: ServerProcess, seconds: float, case: str) 
     loop = server.state()["loop"]
     value(report, case, "lateness p99 over 5 s", loop["lateness_p99_ms"], "ms")
     value(report, case, "tick median over 5 s", loop["tick_median_us"], "us")
-    return value(report, case, "missed deadlines", 100 * (counts[1] - counts[0]) * TICK_S / seconds, "%")
+    missed = value(report, case, "missed deadlines", 100 * (counts[1] - counts[0]) * TICK_S / seconds, "%")
+    return missed, 1e-6 * loop["tick_median_us"]
 
 
 def processor(report: Report, server: ServerProcess, clients: int, seconds: float) -> float:
