@@ -17,6 +17,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from control.command.blocked_base import BlockedBase, BlockedBaseConfig
 from control.command.filter import CommandFilter
 from control.command.guidance import Guidance, GuidanceConfig
 from control.command.limits import DEFAULT_COMMAND, CommandLimits, HandState, clip_command
@@ -67,6 +68,7 @@ class PipelineConfig:
     identification: IdentificationConfig = field(default_factory=IdentificationConfig)
     guidance: GuidanceConfig = field(default_factory=GuidanceConfig)
     self_contact: SelfContactConfig = field(default_factory=SelfContactConfig)
+    blocked_base: BlockedBaseConfig = field(default_factory=BlockedBaseConfig)
     safety: SafetyConfig = field(default_factory=SafetyConfig)
 
 
@@ -133,6 +135,7 @@ class Pipeline:
         "_guidance",
         "_self_contact",
         "_reach",
+        "_blocked_base",
         "_safety",
         "_failures",
         "controller_name",
@@ -166,6 +169,7 @@ class Pipeline:
         self._mistrust = Mistrust(config.mistrust, self.model)
         self._self_contact = SelfContactBorder(config.self_contact, self.model)
         self._reach = ReachWatch()
+        self._blocked_base = BlockedBase(config.blocked_base)
         self._safety = SafetyGate(config.safety, self.model)
         self._failures = Failures()
         self.controller_name = ""
@@ -213,6 +217,7 @@ class Pipeline:
         self._filter.reset()
         self._guidance.reset()
         self._reach.reset()
+        self._blocked_base.reset()
         self._self_contact.reset()
         self._safety.reset()
 
@@ -296,7 +301,7 @@ class Pipeline:
         if estimate is not None:  # no controller acts on a force that nobody has estimated
             if due(Job.REFERENCES, self._tick) or self._starting:
                 self.hand_load.step(hand.force_estimated_n + self.hand_load.offset(self.estimator_name), sensor.joint_velocity)
-                self._refer(self._safety.check_command(command, command_age_s), hand, _bounded(estimate.mass_scale))
+                self._refer(self._safety.check_command(command, command_age_s), hand, base, _bounded(estimate.mass_scale))
             if due(Job.CONTROLLER, self._tick) or self._starting:
                 masses = _NOMINAL if estimate.mass_scales is None else estimate.mass_scales.clip(*MASS_SCALES)
                 self._control(ControllerInput(sensor, base, self.model, self._applied, hand.force_estimated_n, masses))
@@ -323,7 +328,7 @@ class Pipeline:
         self._tick += 1
         return self._tared(self.estimator_name, estimator.estimate())
 
-    def _refer(self, command: Command, hand: HandState, mass_scale: float) -> None:
+    def _refer(self, command: Command, hand: HandState, base: BaseState, mass_scale: float) -> None:
         if not self._safety.in_control:
             # References start from wherever the robot is when the controller gets hold of it.
             self._filter.reset()
@@ -337,6 +342,10 @@ class Pipeline:
         if relieved:
             relief = relief_velocity(hand.force_estimated_n, bearable)
             command = replace(command, base_velocity=command.base_velocity + relief)
+        velocity = self.model.rotation_heading_to_world.T @ base.rotation_base_to_world @ base.linear_velocity_in_base
+        velocity[2] = base.angular_velocity_in_base[2]
+        free = self._blocked_base.step(command, self._applied.base_velocity, velocity, CONTROL_PERIOD_S)
+        blocked, command = free is not command, free
         if command is not self._asked:
             bounds = self._led_limits if command.guidance else limits
             self._asked, self._clipped = command, clip_command(command, bounds)
@@ -345,6 +354,8 @@ class Pipeline:
         asked = _NO_FORCE if command.guidance else command.mask * command.force_n
         share = feasible_force_scale(asked, self.model, limits.tip_over_margin_m, mass_scale)
         limited = Fault.TIP_OVER_LIMIT if relieved or share < 1.0 else Fault.NONE
+        if blocked:
+            limited |= Fault.BASE_BLOCKED
         if share < 1.0:
             command = replace(command, force_n=share * command.force_n)
         command, held = self._self_contact.step(command, hand)

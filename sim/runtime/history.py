@@ -58,8 +58,9 @@ class History:
     def __init__(self, session: Simulation) -> None:
         self.branch = 0
         self._session = session
-        self._inputs = np.zeros(_WINDOW + HALF_SECOND, _INPUT)
-        self._snapshots = np.zeros((_WINDOW + HALF_SECOND) // _SHOWN_EVERY, SNAPSHOT)
+        # Written to, so that all of their memory is there: it grows no more, and no tick waits for a page of it.
+        self._inputs = np.full(_WINDOW + HALF_SECOND, np.zeros((), _INPUT))
+        self._snapshots = np.full((_WINDOW + HALF_SECOND) // _SHOWN_EVERY, np.zeros((), SNAPSHOT))
         self._snapshot_ticks = np.full(len(self._snapshots), -1)
         self._kept: deque[_Kept] = deque()
         self._deeds: deque[_Deed] = deque()
