@@ -24,7 +24,7 @@ class BlockedBaseConfig:
     """
 
     least: tuple[float, float, float] = (0.05, 0.05, 0.1)
-    share: float = 0.25
+    share: float = 0.35
     way: tuple[float, float, float] = (0.12, 0.12, 0.3)
 
 

@@ -1,0 +1,71 @@
+"""A base that does not move where it is driven: the driving ends, until less or the other way is asked for."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from control.command.blocked_base import BlockedBase, BlockedBaseConfig
+from control.command.limits import DEFAULT_COMMAND
+from control.faults import Fault
+from control.timing import CONTROL_PERIOD_S
+from control.types import Command
+from sim.trials.trial import Trial, TrialSetup
+
+CONFIG = BlockedBaseConfig()
+AHEAD = np.array([0.3, 0.0, 0.0])
+STILL = np.zeros(3)
+
+
+def drive(velocity: np.ndarray) -> Command:
+    return replace(DEFAULT_COMMAND, base_velocity=velocity)
+
+
+def after(watch: BlockedBase, asked: np.ndarray, measured: np.ndarray, way: float) -> np.ndarray:
+    """Base velocity that is left when the base should have gone `way`."""
+    left = asked
+    for _ in range(round(way / np.abs(asked).max() / CONTROL_PERIOD_S)):
+        left = watch.step(drive(asked), asked, measured, CONTROL_PERIOD_S).base_velocity
+    return left
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("axis", [0, 2])
+def test_a_base_that_stands_stops_driving_and_may_go_back(axis: int, sign: float) -> None:
+    watch, asked = BlockedBase(CONFIG), np.zeros(3)
+    asked[axis] = 0.4 * sign
+    assert np.array_equal(after(watch, asked, STILL, 0.8 * CONFIG.way[axis]), asked)
+    assert np.array_equal(after(watch, asked, STILL, 0.6 * CONFIG.way[axis]), STILL)
+    assert np.array_equal(watch.step(drive(asked), STILL, STILL, CONTROL_PERIOD_S).base_velocity, STILL), "it stays stopped"
+    back = watch.step(drive(-asked), STILL, STILL, CONTROL_PERIOD_S).base_velocity
+    assert np.array_equal(back, -asked)
+    assert np.array_equal(watch.step(drive(asked), STILL, STILL, CONTROL_PERIOD_S).base_velocity, asked), "tried again"
+
+
+def test_driving_stops_where_it_is_blocked_and_turning_goes_on() -> None:
+    both = np.array([0.3, 0.0, 0.3])
+    assert np.array_equal(after(BlockedBase(CONFIG), both, np.array([0.0, 0.0, 0.25]), 0.2), [0.0, 0.0, 0.3])
+
+
+@pytest.mark.parametrize("measured", [AHEAD, 0.5 * AHEAD], ids=["as asked", "half as fast"])
+def test_a_base_that_moves_drives_on(measured: np.ndarray) -> None:
+    assert np.array_equal(after(BlockedBase(CONFIG), AHEAD, measured, 3.0), AHEAD)
+
+
+def test_a_command_that_nothing_blocks_is_passed_on_as_it_is() -> None:
+    command = drive(AHEAD)
+    assert BlockedBase(CONFIG).step(command, AHEAD, STILL, CONTROL_PERIOD_S) is command
+
+
+def test_a_robot_that_is_driven_against_a_board_stands_upright_and_says_so() -> None:
+    trial, told = Trial(TrialSetup(), seed=614, scene="board"), Fault.NONE
+    for _ in trial.run(drive(np.array([0.4, 0.0, 0.2])), 5.0):
+        told |= trial.session.output.safety.faults
+        w, x, y, z = trial.truth.base_orientation_wxyz
+        assert w * w - x * x - y * y + z * z > np.cos(np.radians(8.0))
+    assert Fault.BASE_BLOCKED in told
+    stood = trial.truth.base_position[0]
+    for _ in trial.run(drive(np.array([-0.3, 0.0, 0.0])), 2.0):
+        pass
+    assert trial.truth.base_position[0] < stood - 0.3, "it drives back"
+    assert Fault.BASE_BLOCKED not in trial.session.output.safety.faults
