@@ -20,7 +20,6 @@ from server.validation import validated
 from sim.processes.starting import deaf_children
 from sim.recording.body_tree import BodyTree
 from sim.recording.describe import provenance, standing_attachments
-from sim.recording.description import Description
 from sim.recording.folder import (
     RecordingError,
     RecordingFolder,
@@ -111,7 +110,7 @@ class RecordingDesk:
             described, heads = self._client.call("start_recording", SLOW_CALL_TIMEOUT_S, name=key)
             started = started_text(now)
             metadata = {**provenance(), **described.metadata, "name": name, "note": note, "started": started}
-            description = Description(metadata, described.estimators, (*standing_attachments(), *described.attachments))
+            description = replace(described, metadata=metadata, attachments=standing_attachments())
             arguments = (self._client.tap_memory, path, description, BodyTree.from_mjcf(), time.time_ns(), heads, room)
             self._recorder = self._context.Process(target=recorder_process, args=arguments, name="forcelens-recorder")
             with deaf_children():

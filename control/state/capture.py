@@ -98,6 +98,23 @@ class Moment:
             if plan.unpacks:
                 carrier.unpack_state()
 
+    def held(self) -> dict[int, Any]:
+        """What was held then, by the `id` of what held it: values of an object in the order of `state_names`, content of an
+        array, items of a dict, a list or a deque.
+        """
+        held: dict[int, Any] = {id(carrier): values for carrier, _, values in self._objects}
+        for pairs in (self._arrays, self._dicts, self._lists):
+            held |= {id(holder): content for holder, content in pairs}
+        return held
+
+    def views(self) -> dict[int, list[tuple[np.ndarray, np.ndarray]]]:
+        """Arrays that are views, with what they held, by the `id` of the array that they are views of."""
+        found: dict[int, list[tuple[np.ndarray, np.ndarray]]] = {}
+        for array, content in self._arrays:
+            if isinstance(array.base, np.ndarray):
+                found.setdefault(id(array.base), []).append((array, content))
+        return found
+
     @property
     def array_bytes(self) -> int:
         """Size of the arrays' content."""

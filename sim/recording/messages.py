@@ -6,9 +6,12 @@ from typing import Any
 import numpy as np
 
 from control.joints import JOINT_COUNT
-from control.timing import MOST_ESTIMATORS
+from control.timing import MOST_ESTIMATORS, TICK_S
 from sim.recording.wire import VECTOR, Kind, Wire
 from sim.runtime.snapshot import COMMAND, SNAPSHOT
+
+TICK_NS = round(TICK_S * 1e9)
+"""Between the time stamps of two ticks."""
 
 _COMMAND_FIELDS: dict[str, Kind] = {name: COMMAND[name].shape[0] if COMMAND[name].shape else 1 for name in COMMAND.names or ()}
 

@@ -1,7 +1,8 @@
 """What the control process tells a recorder: every tick, snapshots, and events, through shared memory that nobody waits on."""
 
 import json
-from typing import Any
+import logging
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -10,6 +11,8 @@ from control.timing import MOST_ESTIMATORS, SLOT_COUNT
 from sim.processes.anonymous_memory import AnonymousMemory
 from sim.recording.ring import Ring
 from sim.runtime.snapshot import COMMAND, SNAPSHOT
+
+_log = logging.getLogger(__name__)
 
 TICK = np.dtype(
     [
@@ -35,6 +38,9 @@ TICK = np.dtype(
 MOMENT = np.dtype([("tick", "u8"), ("snapshot", SNAPSHOT)])
 """A snapshot after as many ticks of the recording's count."""
 
+KEYFRAME = np.dtype([("tick", "u8"), ("size", "u8"), ("data", "u1", 163840)])
+"""The packed state (control.state.file) of the pipeline before a tick of the recording's count, padded."""
+
 EVENT = np.dtype([("tick", "u8"), ("text", "S1000")])
 """JSON {name, arguments} of what was done before a tick of the recording's count."""
 
@@ -43,10 +49,20 @@ TICK_SLOTS = 8192
 
 MOMENT_SLOTS = 1024
 EVENT_SLOTS = 1024
+KEYFRAME_SLOTS = 16
 
 _HEADER = np.dtype([("active", "u8"), ("stop", "u8"), ("first", "u8"), ("size_bytes", "u8"), ("missed", "u8"), ("id", "S64")])
 _HEADER_BYTES = 256
-_SIZES = (Ring.size_of(TICK, TICK_SLOTS), Ring.size_of(MOMENT, MOMENT_SLOTS), Ring.size_of(EVENT, EVENT_SLOTS))
+_SLOTS = ((TICK, TICK_SLOTS), (MOMENT, MOMENT_SLOTS), (EVENT, EVENT_SLOTS), (KEYFRAME, KEYFRAME_SLOTS))
+_SIZES = tuple(Ring.size_of(dtype, slots) for dtype, slots in _SLOTS)
+
+
+class Heads(NamedTuple):
+    """Where the rings of moments, events and keyframes stood when a recording started."""
+
+    moments: int = 0
+    events: int = 0
+    keyframes: int = 0
 
 
 def allocate() -> AnonymousMemory:
@@ -58,24 +74,23 @@ class Tap:
     """View of the shared memory in one process. The control process writes the rings, the web process starts and stops.
 
     Attributes:
-        ticks, moments, events: rings of TICK, MOMENT and EVENT.
+        ticks, moments, events, keyframes: rings of TICK, MOMENT, EVENT and KEYFRAME.
     """
 
     def __init__(self, memory: Any) -> None:
         view = memoryview(memory)
         self._header = np.frombuffer(view[: _HEADER.itemsize], _HEADER)[0:1]
-        parts = []
+        rings = []
         start = _HEADER_BYTES
-        for size in _SIZES:
-            parts.append(view[start : start + size])
+        for (dtype, slots), size in zip(_SLOTS, _SIZES, strict=True):
+            rings.append(Ring(view[start : start + size], dtype, slots))
             start += _aligned(size)
-        self.ticks = Ring(parts[0], TICK, TICK_SLOTS)
-        self.moments = Ring(parts[1], MOMENT, MOMENT_SLOTS)
-        self.events = Ring(parts[2], EVENT, EVENT_SLOTS)
+        self.ticks, self.moments, self.events, self.keyframes = rings
         self._active = self._header["active"]
         self._record = np.zeros(1, TICK)[0]
         self._moment = np.zeros(1, MOMENT)[0]
         self._event = np.zeros(1, EVENT)[0]
+        self._keyframe = np.zeros(1, KEYFRAME)[0]
 
     @property
     def active(self) -> bool:
@@ -108,6 +123,11 @@ class Tap:
     def first(self) -> int:
         """Index in `ticks` of the recording's first tick."""
         return int(self._header["first"][0])
+
+    @property
+    def heads(self) -> Heads:
+        """Where the other rings stand."""
+        return Heads(self.moments.head, self.events.head, self.keyframes.head)
 
     @property
     def count(self) -> int:
@@ -166,6 +186,16 @@ class Tap:
             text = json.dumps({"name": name, "arguments": {}}).encode()
         self._event["text"] = text
         self.events.put(self._event)
+
+    def put_keyframe(self, tick: int, data: bytes) -> None:
+        """Append the packed state of the pipeline before a tick of the recording's count."""
+        if len(data) > KEYFRAME["data"].itemsize:
+            _log.warning("the pipeline's state of %d kB is too large to be recorded", len(data) // 1000)
+            return
+        keyframe = self._keyframe
+        keyframe["tick"], keyframe["size"] = tick, len(data)
+        keyframe["data"][: len(data)] = np.frombuffer(data, np.uint8)
+        self.keyframes.put(keyframe)
 
 
 PER_PERIOD = SLOT_COUNT

@@ -75,6 +75,11 @@ class History:
         self._shown = self._trouble = None
 
     @property
+    def newest(self) -> Moment | None:
+        """What was kept at the newest tick, None if that was not its turn."""
+        return self._kept[-1].moment if self._kept and self._kept[-1].tick == self._last else None
+
+    @property
     def trouble(self) -> str | None:
         """Why nothing is kept, None while it is."""
         return self._trouble

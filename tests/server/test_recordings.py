@@ -76,7 +76,7 @@ def test_what_was_recorded_is_what_happened(paused: RunningServer) -> None:
     events = [json.loads(message.data)["name"] for _, _, message in reader.iter_messages(topics=["/events"])]
     assert events == ["select_estimator"]
     names = {attachment.name for attachment in reader.iter_attachments()}
-    assert names == {"robot.xml", "forcelens.foxglove.json", "keyframe.npz"}
+    assert names == {"robot.xml", "forcelens.foxglove.json", "keyframe-0.zst"}
     metadata = {each.name: each.metadata for each in reader.iter_metadata()}["forcelens"]
     assert (metadata["scene"], metadata["name"]) == ("free", "a push")
     assert "weights.hybrid" in metadata

@@ -30,7 +30,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> tuple[Recording, list
     session = Simulation(SimulationConfig(scene="box", seed=9))
     run(session, 0, BEFORE)
     path: Path = tmp_path_factory.mktemp("recording") / "a.mcap"
-    snapshots = record(session, path, TICKS, DEEDS)
+    snapshots = record(session, path, TICKS, DEEDS, keyframes_every=60)
     return Recording(path), snapshots
 
 
@@ -44,6 +44,20 @@ def test_the_pipeline_gives_the_recorded_bits_again(recording: tuple[Recording, 
         assert again.estimates_n[:, index].tobytes() == recorded[:, index].tobytes(), name
     targets = np.ascontiguousarray(read.targets()["body"]["position"])
     assert again.target_position.tobytes() == targets.tobytes()
+
+
+@pytest.mark.slow
+def test_from_any_keyframe_the_pipeline_gives_the_recorded_bits_again(recording: tuple[Recording, list[np.void]]) -> None:
+    whole, _ = recording
+    assert len(whole.keyframes) >= 3
+    for tick, after in zip(whole.keyframes, (*whole.keyframes[1:], TICKS), strict=True):
+        part = Recording(whole.path, TICK_S * (after - 1), TICK_S * (after + 20))
+        assert part.first_tick == tick
+        again, recorded = rerun(part), whole.estimates_n()[tick : after + 20]
+        assert again.estimates_n.tobytes() == recorded.tobytes(), tick
+        targets = np.ascontiguousarray(whole.targets()["body"]["position"][tick : after + 20])
+        assert again.target_position.tobytes() == targets.tobytes(), tick
+        part.close()
 
 
 @pytest.mark.slow

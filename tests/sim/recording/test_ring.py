@@ -11,7 +11,7 @@ from sim.recording.body_tree import BodyTree
 from sim.recording.description import Description
 from sim.recording.recorder import Drain, RecordingWriter
 from sim.recording.ring import Ring
-from sim.recording.tap import TICK, TICK_SLOTS, Tap
+from sim.recording.tap import TICK, TICK_SLOTS, Heads, Tap
 
 DTYPE = np.dtype([("value", "f8"), ("odd", "u1")])
 RUN = {"name": "gap", "note": "", "started": "", "scene": "free", "estimators": "hybrid"}
@@ -47,8 +47,8 @@ def test_a_late_reader_learns_what_it_missed() -> None:
 def test_a_held_up_recorder_leaves_a_counted_gap(tmp_path: Path) -> None:
     tap = Tap(tap_module.allocate())
     tap.start("gap")
-    writer = RecordingWriter(tmp_path / "gap.mcap", Description(RUN, ("hybrid",), ()), BodyTree.from_mjcf(), 10**18)
-    drain = Drain(tap, writer, 0, 0)
+    writer = RecordingWriter(tmp_path / "gap.mcap", Description(RUN, ("hybrid",), b""), BodyTree.from_mjcf(), 10**18)
+    drain = Drain(tap, writer, Heads())
     record = np.zeros(1, TICK)[0]
     for tick in range(TICK_SLOTS + 700):
         record["sensor_time_s"] = tick
