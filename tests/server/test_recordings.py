@@ -13,6 +13,7 @@ import pytest
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
+from server.errors import RefusedError
 from sim.recording.folder import RecordingFolder
 from tests.server.contract import API
 from tests.server.running_server import RunningServer
@@ -177,7 +178,10 @@ def test_a_recording_is_shown_and_sends_nothing(paused: RunningServer) -> None:
             ("PATCH", "replay", {"speed": 9.0}, 422),
         ):
             assert paused.http.request(method, API + path, json=body).status_code == status, path
+        assert paused.operator.estimates.shown == row["id"]
     finally:
         call(paused, "PUT", "backend", {"name": "simulation"})
+    with pytest.raises(RefusedError, match="no recording is shown"):
+        paused.operator.estimates.again("gmo_pi", None)
     assert paused.http.get(f"{API}replay").status_code == 409
     assert paused.state()["controller"] == before["controller"]
