@@ -89,6 +89,17 @@ class RecordingDesk:
         tap = self._tap
         return replace(row, duration_s=TICK_S * tap.count, size_bytes=tap.size_bytes, gaps=int(tap.missed > 0))
 
+    @property
+    def recorder_pid(self) -> int | None:
+        """Process id of the recorder while it runs."""
+        recorder = self._recorder
+        return None if recorder is None or not recorder.is_alive() else recorder.pid
+
+    @property
+    def lost_ticks(self) -> int:
+        """That the recorder came too late for, of the recording under way or of the last one."""
+        return self._tap.missed
+
     @needs_lease
     def start(self, name: str, note: str = "") -> RecordingRow:
         """Begin a recording with the next tick.
