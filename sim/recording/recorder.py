@@ -10,6 +10,7 @@ import multiprocessing
 import os
 import signal
 import time
+from functools import cache
 from pathlib import Path
 from typing import Any, cast
 
@@ -22,15 +23,15 @@ from control.paths import ROBOT_MJCF
 from sim.recording import messages
 from sim.recording.body_tree import BodyTree
 from sim.recording.description import STATE_TYPE, Description, keyframe_name
-from sim.recording.drawing import arrows, descriptors_of, robot_meshes, transforms
+from sim.recording.drawing import arrows, descriptors_of, robot_meshes
 from sim.recording.mcap_file import McapWriter
 from sim.recording.messages import INPUTS, SENSORS, STATE, TARGETS, TICK_NS, TRUTH
 from sim.recording.tap import KEYFRAME, PER_PERIOD, Heads, Tap
+from sim.recording.transforms import TransformEncoder
 from sim.recording.wire import MESSAGE_OPCODE
 
 POLL_S = 0.1
 CHUNK_TICKS = 250
-MOST_TICKS = 2000
 PART = ".part"
 JSON_OBJECT = b'{"type": "object"}'
 
@@ -51,7 +52,7 @@ class RecordingWriter:
     """
 
     def __init__(self, path: Path, description: Description, tree: BodyTree, start_ns: int) -> None:
-        self._tree = tree
+        self._transforms = TransformEncoder(tree)
         self._start_ns = start_ns
         self._names = description.estimators
         self._file = file = McapWriter(path, "forcelens")
@@ -153,30 +154,39 @@ class RecordingWriter:
         states = STATE.batch(times[kept], self._channels["/state"])
         messages.write_states(moments["snapshot"][kept], states["body"])
         batches.append(states)
+        batches.append(self._messages("/tf", times[kept], self._transforms.batch(moments["snapshot"][kept], times[kept])))
         for index in kept:
             snapshot, time_ns = cast(np.void, moments["snapshot"][index]), int(times[index])
-            batches.append(self._message("/tf", time_ns, transforms(snapshot, self._tree, time_ns)))
             batches.append(self._message("/scene", time_ns, arrows(snapshot, time_ns)))
         return batches
 
     def _message(self, topic: str, time_ns: int, data: bytes) -> np.ndarray:
         """One message record of any length, as an array (1,)."""
-        dtype = np.dtype([*_MESSAGE_HEAD, ("body", f"V{len(data)}")])
-        record = np.zeros(1, dtype)
-        record["opcode"], record["length"], record["channel"] = MESSAGE_OPCODE, 22 + len(data), self._channels[topic]
-        record["log"] = record["publish"] = time_ns
-        record["body"] = np.void(data)
-        return record
+        return self._messages(topic, np.array([time_ns], "u8"), np.frombuffer(data, np.uint8)[None])
+
+    def _messages(self, topic: str, times_ns: np.ndarray, bodies: np.ndarray) -> np.ndarray:
+        """Message records (n,) at times (n,) of bodies (n, length), u1."""
+        count, length = bodies.shape
+        records = np.zeros(count, _message_dtype(length))
+        records["opcode"], records["length"], records["channel"] = MESSAGE_OPCODE, 22 + length, self._channels[topic]
+        records["log"] = records["publish"] = times_ns
+        records["body"] = bodies
+        return records
 
 
-_MESSAGE_HEAD: list[Any] = [
-    ("opcode", "u1"),
-    ("length", "<u8"),
-    ("channel", "<u2"),
-    ("sequence", "<u4"),
-    ("log", "<u8"),
-    ("publish", "<u8"),
-]
+@cache
+def _message_dtype(length: int) -> np.dtype:
+    return np.dtype(
+        [
+            ("opcode", "u1"),
+            ("length", "<u8"),
+            ("channel", "<u2"),
+            ("sequence", "<u4"),
+            ("log", "<u8"),
+            ("publish", "<u8"),
+            ("body", "u1", (length,)),
+        ]
+    )
 
 
 class Drain:
@@ -194,10 +204,10 @@ class Drain:
         if tap.ticks.head - self._tick < max(least, 1):
             return False
         ticks, moments, events, keyframes = (
-            tap.ticks.take(self._tick, MOST_TICKS),
-            tap.moments.take(self._moment, MOST_TICKS),
-            tap.events.take(self._event, MOST_TICKS),
-            tap.keyframes.take(self._keyframe, MOST_TICKS),
+            tap.ticks.take(self._tick, CHUNK_TICKS),  # also of one that is late, so that what a cut costs is no more
+            tap.moments.take(self._moment, CHUNK_TICKS),
+            tap.events.take(self._event, CHUNK_TICKS),
+            tap.keyframes.take(self._keyframe, CHUNK_TICKS),
         )
         self._tick = ticks.first + len(ticks.records)
         self._moment = moments.first + len(moments.records)

@@ -28,8 +28,6 @@ _WINDOW = round(WINDOW_S / TICK_S)
 _SHOWN_EVERY = 5
 """Ticks between two kept snapshots, those that are published."""
 
-_INPUT = np.dtype([("age_s", "f8"), ("setpoint", SETPOINT)])
-
 
 class HistoryTimeError(ValueError):
     """A time that the history does not reach; the message tells which it does."""
@@ -58,8 +56,10 @@ class History:
     def __init__(self, session: Simulation) -> None:
         self.branch = 0
         self._session = session
-        self._inputs = np.zeros(_WINDOW + HALF_SECOND, _INPUT)
-        self._snapshots = np.zeros((_WINDOW + HALF_SECOND) // _SHOWN_EVERY, SNAPSHOT)
+        self._setpoints = np.zeros(_WINDOW + HALF_SECOND, SETPOINT)
+        self._ages_s = np.zeros(len(self._setpoints))
+        self._snapshots = np.zeros(len(self._setpoints) // _SHOWN_EVERY, SNAPSHOT)
+        self._snapshot_bytes = self._snapshots.view(np.uint8).reshape(len(self._snapshots), -1)
         self._snapshot_ticks = np.full(len(self._snapshots), -1)
         self._kept: deque[_Kept] = deque()
         self._deeds: deque[_Deed] = deque()
@@ -114,9 +114,9 @@ class History:
         if self._trouble is not None:
             return
         self._last = round(self._session.time_s / TICK_S)
-        slot = self._inputs[self._last % len(self._inputs)]
-        slot["age_s"] = age_s
-        slot["setpoint"] = setpoint
+        slot = self._last % len(self._ages_s)
+        self._ages_s[slot] = age_s
+        self._setpoints[slot] = setpoint
         self._shown = None
         if not self._kept or self._last - self._kept[-1].tick >= HALF_SECOND:
             self._keep()
@@ -125,7 +125,7 @@ class History:
         """A SNAPSHOT record of the newest tick."""
         index = self._last // _SHOWN_EVERY % len(self._snapshots)
         if self._kept and self._snapshot_ticks[index] // _SHOWN_EVERY != self._last // _SHOWN_EVERY:
-            self._snapshots[index] = snapshot
+            self._snapshot_bytes[index] = np.frombuffer(snapshot, np.uint8)  # in one go, not field by field
             self._snapshot_ticks[index] = self._last
 
     def show(self, time_s: float) -> None:
@@ -174,8 +174,8 @@ class History:
             while deeds and deeds[0].tick < number:
                 deed = deeds.pop(0)
                 deed.call(**deed.arguments)
-            inputs = self._inputs[number % len(self._inputs)]
-            session.tick_setpoint(inputs["setpoint"], float(inputs["age_s"]))
+            slot = number % len(self._ages_s)
+            session.tick_setpoint(self._setpoints[slot], float(self._ages_s[slot]))
             if number in published:  # some readings count from one to the next
                 session.readings()
         self._last = tick
