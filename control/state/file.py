@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from control.state.capture import Moment, is_frozen, state_names
+from control.state.capture import Moment, content_of, is_frozen, state_names
 
 FORMAT = 2
 _OURS = "control"
@@ -140,11 +140,12 @@ class StatePacking:
     def _content_of(self, array: np.ndarray) -> np.ndarray:
         """Of then, also where only views of it are state."""
         held = self._held.get(id(array))
-        if held is not None or id(array) not in self._views:
-            return array if held is None else held
-        content = array.copy(order="A")
-        for view, then in self._views[id(array)]:
-            np.ndarray(view.shape, view.dtype, content, _offset(view, array), view.strides)[...] = then
+        if held is not None:
+            return content_of(array, held)
+        content = array.copy(order="A") if id(array) in self._views else array
+        for view, then in self._views.get(id(array), ()):
+            place = np.ndarray(view.shape, view.dtype, content, _offset(view, array), view.strides)
+            place[...] = content_of(view, then)
         return content
 
 

@@ -80,7 +80,7 @@ class Ring:
 
 def bytes_of(record: np.ndarray) -> memoryview:
     """Of an array of one record; they follow its changes."""
-    return memoryview(record.view(np.uint8))
+    return record.view(np.uint8).data
 
 
 def _slot(dtype: np.dtype) -> np.dtype:

@@ -189,7 +189,7 @@ class Tap:
     def put_moment(self, snapshot: np.void) -> None:
         """Append a SNAPSHOT record of the last tick."""
         self._moment["tick"] = self.count
-        self._moment_bytes[_SNAPSHOT_AT:] = np.frombuffer(snapshot, np.uint8)  # in one go, not field by field
+        self._moment_bytes[_SNAPSHOT_AT:] = np.frombuffer(snapshot, np.uint8).data  # in one go, not field by field
         self.moments.put(self._moment_bytes)
 
     def put_event(self, name: str, arguments: dict[str, Any]) -> None:
