@@ -19,8 +19,8 @@ WORLD, BASE = "odom", "base_link"
 METERS_PER_NEWTON = 0.01
 """Of an arrow."""
 
-RESOLUTION = 2.0**-17
-"""8 micrometres, or 15 microradians: nobody sees more, and what is random in a number cannot be compressed."""
+RESOLUTION = 2.0**-15
+"""30 micrometres, or 60 microradians: nobody sees more, and what is random in a number cannot be compressed."""
 
 _ARROWS = (
     ("commanded", (230, 159, 0)),
