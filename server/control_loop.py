@@ -26,7 +26,8 @@ from sim.processes.shared_record import SharedRecord
 from sim.recording import tap as tap_module
 from sim.recording.describe import describe_session
 from sim.recording.description import Description
-from sim.recording.tap import Tap
+from sim.recording.keyframes import Keyframes
+from sim.recording.tap import Heads, Tap
 from sim.runtime.history import History
 from sim.runtime.replay_session import ReplaySession
 from sim.runtime.session import Session
@@ -78,6 +79,7 @@ class ControlLoop:
         self._history_events = HistoryEvents(session, self._history)
         self._tap = tap or Tap(tap_module.allocate())
         self._tapped_ticks = 0  # of the recording, when its last moment was put
+        self._keyframes = Keyframes(self._tap, lambda: None if self._history is None else self._history.newest)
         self._pipeline_resets = session.pipeline_resets
         self._state = state
         self._setpoints = setpoints
@@ -337,18 +339,20 @@ class ControlLoop:
             self._pipeline_resets = self._session.pipeline_resets
             self._tap.put_event("reset", {})
         self._tap.put_tick(self._session)
+        self._keyframes.ticked(self._session.pipeline)
 
-    def _start_recording(self, name: str) -> tuple[Description, tuple[int, int]]:
-        """Its description, and where the rings of moments and events stood before it."""
+    def _start_recording(self, name: str) -> tuple[Description, Heads]:
+        """Its description, and where the tap's other rings stood before it."""
         if isinstance(self._session, ReplaySession):
             raise EventError(Outcome.REFUSED, "a recording is shown; PUT /api/v1/backend with 'simulation' first")
         if self._tap.active:
             raise EventError(Outcome.REFUSED, "a recording is under way; DELETE /api/v1/recordings/current first")
         description = describe_session(self._session)
-        heads = self._tap.moments.head, self._tap.events.head
+        heads = self._tap.heads
         self._pipeline_resets = self._session.pipeline_resets
         self._tapped_ticks = 0
         self._tap.start(name)
+        self._keyframes.start()
         self._pacer.excuse()
         return description, heads
 

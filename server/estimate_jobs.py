@@ -6,6 +6,7 @@ import subprocess
 import sys
 import tempfile
 import threading
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -32,12 +33,30 @@ class _Job:
 
 
 class EstimateJobs:
-    """Any thread may call. The results of the last MOST_KEPT are kept while the console runs."""
+    """Any thread may call. The results of the last MOST_KEPT are kept while the console runs.
 
-    def __init__(self) -> None:
+    Args:
+        shown: file of the recording that the console shows, None while it shows none.
+    """
+
+    def __init__(self, shown: Callable[[], Path | None]) -> None:
+        self._shown = shown
         self._jobs: dict[int, _Job] = {}
         self._ids = itertools.count(1)
         self._lock = threading.Lock()
+
+    @property
+    def shown(self) -> str | None:
+        """Id of the recording that is shown."""
+        path = self._shown()
+        return None if path is None else path.stem
+
+    def again(self, estimator: str, gains: tuple[float, float] | None) -> int:
+        """Like `start`, over the recording that is shown."""
+        path = self._shown()
+        if path is None:
+            raise RefusedError("no recording is shown; PUT /api/v1/backend with 'replay' and its id first")
+        return self.start(path.stem, path, estimator, gains)
 
     def start(self, recording: str, path: Path, estimator: str, gains: tuple[float, float] | None) -> int:
         """Run an estimator over the recording at `path`; the id of its result.

@@ -79,12 +79,24 @@ class Metrics(Collector):
         counts = [({"kind": kind}, count) for kind, count in self._clients.counts().items()]
         yield _gauge("clients", "Open sockets: readers of the stream, browsers with the scene.", counts)
         if client.alive and client.pid is not None:
-            yield from _process(client.pid)
+            yield from _process("control", client.pid)
+        yield from self._recorder()
         record = client.snapshot()
         if record is not None:
             yield _one("snapshot_age_seconds", "Since the newest snapshot.", client.snapshot_age_s())
             yield from _loop(record)
             yield from _robot(record)
+
+    def _recorder(self) -> Iterator[Metric]:
+        recordings = self._operator.recordings
+        current, pid = recordings.current, recordings.recorder_pid
+        yield _one("recording", "1 while a recording is under way.", current is not None)
+        yield _one("recorder_alive", "1 while a recorder process runs.", pid is not None)
+        if current is not None:
+            yield _one("recording_bytes", "Of the recording under way, so far.", current.size_bytes)
+        yield _counter("recording_lost_ticks", "Ticks that the recorder came too late for.", recordings.lost_ticks)
+        if pid is not None:
+            yield from _process("recorder", pid)
 
     def describe(self) -> Iterator[Metric]:
         """None: what there is depends on the snapshot."""
@@ -124,13 +136,13 @@ def _robot(record: np.void) -> Iterator[Metric]:
     yield _gauge("mass_scale_ratio", "Mass of the robot over the model's.", scales)
 
 
-def _process(pid: int) -> Iterator[Metric]:
-    """Processor time and memory of the control process, where Linux tells."""
+def _process(name: str, pid: int) -> Iterator[Metric]:
+    """Processor time and memory of a process of ours, where Linux tells."""
     try:
         fields = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
     except OSError:
         return
     ticks = int(fields[11]) + int(fields[12])
-    yield _counter("control_cpu_seconds", "Processor time of the control process.", ticks / os.sysconf("SC_CLK_TCK"))
+    yield _counter(f"{name}_cpu_seconds", f"Processor time of the {name} process.", ticks / os.sysconf("SC_CLK_TCK"))
     memory = int(fields[21]) * os.sysconf("SC_PAGE_SIZE")
-    yield _one("control_resident_memory_bytes", "Memory of the control process.", memory)
+    yield _one(f"{name}_resident_memory_bytes", f"Memory of the {name} process.", memory)

@@ -79,7 +79,7 @@ class Operator(HandLoadCalls):
         self.tasks = TaskHandle(client, self.leadership, lambda: self.command()[1])
         self.past = PastHandle(client, self.leadership, self._require_choice, self._note_selection)
         self.recordings = RecordingDesk(client, self.leadership, recordings or RecordingFolder(default_folder()))
-        self.estimates = EstimateJobs()
+        self.estimates = EstimateJobs(lambda: self.robot.choice.recording)
         self._switching = threading.Lock()
         self._lock = threading.RLock()
         self._command = clip_command(DEFAULT_COMMAND, self.limits)

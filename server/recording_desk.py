@@ -20,7 +20,6 @@ from server.validation import validated
 from sim.processes.starting import deaf_children
 from sim.recording.body_tree import BodyTree
 from sim.recording.describe import provenance, standing_attachments
-from sim.recording.description import Description
 from sim.recording.folder import (
     RecordingError,
     RecordingFolder,
@@ -90,6 +89,17 @@ class RecordingDesk:
         tap = self._tap
         return replace(row, duration_s=TICK_S * tap.count, size_bytes=tap.size_bytes, gaps=int(tap.missed > 0))
 
+    @property
+    def recorder_pid(self) -> int | None:
+        """Process id of the recorder while it runs."""
+        recorder = self._recorder
+        return None if recorder is None or not recorder.is_alive() else recorder.pid
+
+    @property
+    def lost_ticks(self) -> int:
+        """That the recorder came too late for, of the recording under way or of the last one."""
+        return self._tap.missed
+
     @needs_lease
     def start(self, name: str, note: str = "") -> RecordingRow:
         """Begin a recording with the next tick.
@@ -111,7 +121,7 @@ class RecordingDesk:
             described, heads = self._client.call("start_recording", SLOW_CALL_TIMEOUT_S, name=key)
             started = started_text(now)
             metadata = {**provenance(), **described.metadata, "name": name, "note": note, "started": started}
-            description = Description(metadata, described.estimators, (*standing_attachments(), *described.attachments))
+            description = replace(described, metadata=metadata, attachments=standing_attachments())
             arguments = (self._client.tap_memory, path, description, BodyTree.from_mjcf(), time.time_ns(), heads, room)
             self._recorder = self._context.Process(target=recorder_process, args=arguments, name="forcelens-recorder")
             with deaf_children():

@@ -2,6 +2,7 @@
 
     python -m sim.reestimate push.mcap --estimator gmo_cqp --gains 12 80 --plot plots
     python -m sim.reestimate push.mcap --check
+    python -m sim.reestimate push.mcap --check --from-s 60 --to-s 70
 
 Without `--check` it compares with what the recording's own estimator said then, and with the truth where there is one. With
 `--check` it runs the whole pipeline again and counts the values that differ from the recorded ones: none, on the machine and
@@ -37,6 +38,10 @@ def parser() -> argparse.ArgumentParser:
     arguments.add_argument("--estimator", default="hybrid", help="which one (default hybrid)")
     arguments.add_argument("--gains", type=float, nargs=2, metavar=("K1", "K2"), help="of its momentum observer")
     arguments.add_argument("--check", action="store_true", help="run the whole pipeline and count what differs from then")
+    arguments.add_argument(
+        "--from-s", type=float, default=0.0, metavar="S", help="begin with the last keyframe up to this time since the start"
+    )
+    arguments.add_argument("--to-s", type=float, default=np.inf, metavar="S", help="end with this time")
     arguments.add_argument("--plot", type=Path, metavar="DIR", help="draw the forces into this folder")
     arguments.add_argument("--json", type=Path, metavar="PATH", help="write the forces at 50 Hz, and the errors")
     return arguments
@@ -62,9 +67,11 @@ def compared(recording: Recording, estimator: str, gains: tuple[float, float] | 
         "force_then_n": then,
     }
     truth = recording.truth()
-    rows = np.searchsorted(ticks, recording.ticks(truth) - 1).clip(0, len(ticks) - 1)
+    last = recording.ticks(truth) - 1  # of those that a snapshot has seen
+    known = np.isin(last, ticks)
+    rows = np.searchsorted(ticks, last[known])
     if len(rows):
-        force = read_vectors(truth["body"], "force_n")
+        force = read_vectors(truth["body"], "force_n")[known]
         result |= {"error_rms_n": _rms(now[rows] - force), "error_then_rms_n": _rms(then[rows] - force)}
     return result
 
@@ -105,7 +112,7 @@ def main(words: Sequence[str] | None = None) -> int:
     options = parser().parse_args(words)
     gains = None if options.gains is None else (options.gains[0], options.gains[1])
     try:
-        recording = Recording(options.file)
+        recording = Recording(options.file, options.from_s, options.to_s)
         if options.check:
             found = differences(recording)
             _say(f"differing values: {found}")

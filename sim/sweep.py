@@ -2,9 +2,11 @@
 
     python -m sim.sweep --out runs/masses --grid controller=policy,model_based mass_scale=0.8,1.0,1.2 seed=1,2 minutes=0.5
     python -m sim.sweep --out runs/drag --benchmark box_drag --grid seed=1,2,3 -- --quick
+    python -m sim.sweep --out runs/again --recording push.mcap --grid estimator=gmo_pi,gmo_cqp gains=6:20,12:80
 
 Each cell of the grid is a call of `sim.trials.sweep_trial`, of the function that `--function` names, or of a benchmark with the
-cell as its options. Every cell that is done is a file, so the same command goes on where it was cut off.
+cell as its options; or, over recordings, an estimator from one of their keyframes to the next. Every cell that is done is a
+file, so the same command goes on where it was cut off.
 """
 
 import argparse
@@ -26,8 +28,10 @@ import numpy as np
 
 from control.files import write_whole
 from sim.processes.executors import EXECUTOR_NAMES, map_unordered
+from sim.trials.recording_trial import keyframe_times
 
 TRIAL = "sim.trials.sweep_trial:sweep_trial"
+RECORDING_TRIAL = "sim.trials.recording_trial:recording_trial"
 FORMATS = ("csv", "parquet")
 
 Cell = dict[str, str | int | float]
@@ -77,6 +81,18 @@ def cells(grid: dict[str, list[Any]]) -> Iterator[Cell]:
     """All combinations, the last key varying first."""
     for values in itertools.product(*grid.values()):
         yield dict(zip(grid, values, strict=True))
+
+
+def recording_parts(files: Sequence[Path]) -> list[Cell]:
+    """A cell for each keyframe of each recording.
+
+    Raises:
+        SweepError: a file is no recording.
+    """
+    try:
+        return [{"recording": str(file), "from_s": time_s} for file in files for time_s in keyframe_times(str(file))]
+    except (ValueError, OSError) as error:
+        raise SweepError(str(error)) from error
 
 
 def run_cell(job: Job) -> tuple[Job, list[Row], str]:
@@ -189,6 +205,7 @@ def parser() -> argparse.ArgumentParser:
     what = arguments.add_mutually_exclusive_group()
     what.add_argument("--benchmark", metavar="NAME", help="of sim.benchmarks; what follows -- are further options of it")
     what.add_argument("--function", default=TRIAL, metavar="MODULE:NAME", help="gives a row, or rows (default %(default)s)")
+    what.add_argument("--recording", nargs="+", type=Path, metavar="FILE", help="an estimator over each, by keyframes")
     arguments.add_argument("--executor", choices=EXECUTOR_NAMES, default="local")
     arguments.add_argument("--workers", type=int, default=1, help="cells at a time (default 1)")
     arguments.add_argument("--address", help="of a running Ray cluster")
@@ -206,11 +223,16 @@ def main(words: Sequence[str] | None = None) -> int:
         grid = parse_grid(options.grid)
         folder = options.out / "cells"
         folder.mkdir(parents=True, exist_ok=True)
+        function, combinations = options.function, list(cells(grid))
+        if options.recording:
+            parts = recording_parts(options.recording)
+            function, combinations = RECORDING_TRIAL, [part | cell for part in parts for cell in combinations]
+            grid = {key: list(dict.fromkeys(part[key] for part in parts)) for key in ("recording", "from_s")} | grid
         jobs = []
-        for cell in cells(grid):
-            said = json.dumps([cell, options.function, options.benchmark, options.further], sort_keys=True)
+        for cell in combinations:
+            said = json.dumps([cell, function, options.benchmark, options.further], sort_keys=True)
             file = folder / f"{hashlib.sha256(said.encode()).hexdigest()[:20]}.json"
-            jobs.append(Job(cell, file, options.function, options.benchmark, tuple(options.further)))
+            jobs.append(Job(cell, file, function, options.benchmark, tuple(options.further)))
         failures = sweep(jobs, options.executor, options.workers, options.address, _tell)
         rows = [row for job in jobs if job.file.exists() for row in json.loads(job.file.read_text())]
         if rows:

@@ -1,6 +1,7 @@
 """Charts of commanded (as applied), estimated and true force per heading axis, with the estimate's uncertainty as a band."""
 
 import time
+from typing import Protocol
 
 import numpy as np
 import viser
@@ -9,7 +10,6 @@ from viser import uplot
 from control.frames import AXES
 from web import theme
 from web.history import History
-from web.other_future import OtherFuture
 
 WINDOW_S = 10.0
 SAMPLE_PERIOD_S = 0.05
@@ -21,6 +21,14 @@ _TRACES = (("true", theme.TRUE, 3.0), ("estimated", theme.ESTIMATED, 1.6), ("com
 _UPPER, _LOWER = len(_TRACES) + 1, len(_TRACES) + 2
 _NO_SIGMA = "The selected estimator does not state its uncertainty."
 _SIGMA = f"Shaded, and a cone at the hand: &plusmn; {theme.SHOWN_SIGMAS:.0f} standard deviations, as the estimator states them."
+
+
+class Overlay(Protocol):
+    """What was estimated otherwise: in another future, or by another estimator."""
+
+    def force_estimated_n(self, time_s: np.ndarray) -> np.ndarray:
+        """Force (n, 3) N at times (n,); NaN where there is none."""
+        ...
 
 
 class ForceHistory:
@@ -40,16 +48,16 @@ class ForceHistory:
         """Largest absolute force component in the history, N; zero when there is none."""
         return self._history.largest()
 
-    def series(self, axis: int, future: OtherFuture | None = None) -> tuple[np.ndarray, ...]:
+    def series(self, axis: int, overlay: Overlay | None = None) -> tuple[np.ndarray, ...]:
         """Age in s (n,), negative, then (n,) in N of one axis: true, estimated, commanded, upper and lower edge of the band,
-        and what was estimated in another future.
+        and what was estimated otherwise.
 
         Where the estimate came without a standard deviation the band has no width.
         """
         true, estimated, commanded, sigma = self._history.values[:, axis::3].T
         half_width = theme.SHOWN_SIGMAS * np.nan_to_num(sigma)
         times = self._history.time_s
-        other = np.full(len(times), np.nan) if future is None else future.force_estimated_n(times)[:, axis]
+        other = np.full(len(times), np.nan) if overlay is None else overlay.force_estimated_n(times)[:, axis]
         return self._history.age_s, true, estimated, commanded, estimated + half_width, estimated - half_width, other
 
 
@@ -74,7 +82,7 @@ class ForceCharts:
         series = [uplot.Series(label="age [s]")]
         series += [uplot.Series(label=name, stroke=theme.css(color), width=width) for name, color, width in _TRACES]
         series += [uplot.Series(label=name, width=0.0) for name in ("upper", "lower")]
-        series += [uplot.Series(label="before it was set back", stroke=theme.css(theme.ESTIMATED), width=1.2, dash=(5, 4))]
+        series += [uplot.Series(label="estimated otherwise", stroke=theme.css(theme.ESTIMATED), width=1.2, dash=(5, 4))]
         empty = np.array([-WINDOW_S, 0.0]), *(np.full(2, np.nan) for _ in series[1:])
         return gui.add_uplot(
             empty,
@@ -88,8 +96,8 @@ class ForceCharts:
             padding=(8, 12, 8, 0),
         )
 
-    def update(self, snapshot: np.void, future: OtherFuture | None = None) -> None:
-        """Take a SNAPSHOT record in and, with another future beside it, send the charts when they are due."""
+    def update(self, snapshot: np.void, overlay: Overlay | None = None) -> None:
+        """Take a SNAPSHOT record in and, with what was estimated otherwise beside it, send the charts when they are due."""
         if snapshot["past"]:
             return
         self._pending |= self._history.append(snapshot)
@@ -102,7 +110,7 @@ class ForceCharts:
         for axis, chart in enumerate(self._charts):
             if range_n != self._range_n:
                 chart.scales = _scales(range_n)
-            chart.data = self._history.series(axis, future)
+            chart.data = self._history.series(axis, overlay)
         self._range_n = range_n
         has_sigma = bool(np.isfinite(snapshot["force_sigma_n"]).all())
         if has_sigma != self._has_sigma:

@@ -16,6 +16,7 @@ import viser
 
 from web import theme
 from web.acting_wrenches import ActingWrenches
+from web.again_panel import AgainPanel
 from web.alert import Alert
 from web.camera import Camera
 from web.charts import ForceCharts
@@ -111,6 +112,7 @@ class Console:
             self._history = HistoryPanel(server, sink)
             self._record = RecordPanel(gui, sink)
             self._replay = ReplayPanel(gui, sink)
+            self._again = AgainPanel(gui, sink)
         with tabs.add_tab("Robot"):
             self._hardware = HardwarePanel(server, sink)
         ViewPanel(server, sink, tabs.add_tab("View"), self._camera, self._forces, self._contacts)
@@ -187,7 +189,8 @@ class Console:
         self._history.update(snapshot)
         self._record.update(snapshot)
         self._replay.update(snapshot)
+        self._again.update()
         self._other_future.update(snapshot)
         self._ghost.update(float(snapshot["time_s"]), self._other_future)
-        self._charts.update(snapshot, self._other_future)
+        self._charts.update(snapshot, self._again if self._again.ready else self._other_future)
         self._estimators.update(snapshot)

@@ -62,6 +62,23 @@ class RecordingsSink(Protocol):
         ...
 
 
+class EstimatesSink(Protocol):
+    """Estimators that are run over the recording that is shown."""
+
+    @property
+    def shown(self) -> str | None:
+        """Id of that recording, None while none is shown. Returns at once."""
+        ...
+
+    def again(self, estimator: str, gains: tuple[float, float] | None) -> int:
+        """Begin to run an estimator over it; the id of its result. Returns at once."""
+        ...
+
+    def result(self, recording: str, key: int) -> dict[str, Any]:
+        """How far it is, as GET /recordings/{id}/estimates/{estimate_id} answers. Returns at once."""
+        ...
+
+
 class ConsoleSink(Protocol):
     """The operator's actions.
 
@@ -79,6 +96,11 @@ class ConsoleSink(Protocol):
     @property
     def past(self) -> PastSink:
         """What was."""
+        ...
+
+    @property
+    def estimates(self) -> EstimatesSink:
+        """Estimators that are run again."""
         ...
 
     @property

@@ -71,7 +71,7 @@ class Moment:
 
     def __init__(self, *roots: object) -> None:
         self._objects: list[tuple[Any, _Plan, tuple[Any, ...]]] = []
-        self._arrays: list[tuple[np.ndarray, np.ndarray]] = []
+        self._arrays: list[tuple[np.ndarray, bytes]] = []
         self._dicts: list[tuple[dict[Any, Any], dict[Any, Any]]] = []
         self._lists: list[tuple[Any, tuple[Any, ...]]] = []
         self._generators: list[tuple[np.random.Generator, Any]] = []
@@ -85,7 +85,7 @@ class Moment:
             for name, value in zip(plan.names, values, strict=True):
                 setattr(carrier, name, value)
         for array, content in self._arrays:
-            np.copyto(array, content)
+            np.copyto(array, content_of(array, content))
         for mapping, items in self._dicts:
             mapping.clear()
             mapping.update(items)
@@ -98,10 +98,27 @@ class Moment:
             if plan.unpacks:
                 carrier.unpack_state()
 
+    def held(self) -> dict[int, Any]:
+        """What was held then, by the `id` of what held it: values of an object in the order of `state_names`, bytes of an
+        array, items of a dict, a list or a deque.
+        """
+        held: dict[int, Any] = {id(carrier): values for carrier, _, values in self._objects}
+        for pairs in (self._arrays, self._dicts, self._lists):
+            held |= {id(holder): content for holder, content in pairs}
+        return held
+
+    def views(self) -> dict[int, list[tuple[np.ndarray, bytes]]]:
+        """Arrays that are views, with their bytes then, by the `id` of the array that they are views of."""
+        found: dict[int, list[tuple[np.ndarray, bytes]]] = {}
+        for array, content in self._arrays:
+            if isinstance(array.base, np.ndarray):
+                found.setdefault(id(array.base), []).append((array, content))
+        return found
+
     @property
     def array_bytes(self) -> int:
         """Size of the arrays' content."""
-        return sum(content.nbytes for _, content in self._arrays)
+        return sum(len(content) for _, content in self._arrays)
 
     def _take_all(self, values: Iterable[Any]) -> None:
         # Runs between two ticks of a robot: lookups instead of calls, where it can be.
@@ -128,7 +145,7 @@ class Moment:
 
     def _take_array(self, array: np.ndarray) -> None:
         if array.flags.writeable:
-            self._arrays.append((array, array.copy()))
+            self._arrays.append((array, array.tobytes()))  # a fraction of what a copy costs
 
     def _take_dict(self, mapping: dict[Any, Any]) -> None:
         self._dicts.append((mapping, mapping.copy()))
@@ -141,6 +158,11 @@ class Moment:
 
     def _take_generator(self, generator: np.random.Generator) -> None:
         self._generators.append((generator, generator.bit_generator.state))
+
+
+def content_of(array: np.ndarray, data: bytes) -> np.ndarray:
+    """What an array held when `tobytes` gave these."""
+    return np.ndarray(array.shape, array.dtype, data)
 
 
 class _Takers(dict[type, Callable[[Moment, Any], None] | None]):

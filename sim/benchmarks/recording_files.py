@@ -99,5 +99,5 @@ def write_long(seed: int, path: Path, minutes: float) -> None:
         stop = start + CHUNK_TICKS
         shown = moments[(moments["tick"] > start) & (moments["tick"] <= stop)]
         shown["tick"] += np.uint64(first - start)
-        writer.write(first, ticks[start:stop], shown, _NO_EVENTS, 0)
+        writer.write(first, ticks[start:stop], shown, _NO_EVENTS)
     writer.abandon()

@@ -3,6 +3,7 @@
 import multiprocessing
 import os
 import time
+from dataclasses import replace
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any
@@ -20,7 +21,7 @@ from sim.recording.description import Description
 from sim.recording.reader import Recording
 from sim.recording.recorder import recorder_process
 from sim.recording.rerun import reestimate, rerun
-from sim.recording.tap import Tap
+from sim.recording.tap import Heads, Tap
 from sim.runtime.history import History
 from sim.runtime.simulation import Simulation, SimulationConfig
 from sim.runtime.snapshot import SETPOINT, SNAPSHOT, command_to_record
@@ -40,7 +41,7 @@ def described(session: Simulation) -> Description:
     """What a console would describe it by."""
     own = describe_session(session)
     metadata = {**own.metadata, "name": "benchmark", "note": "", "started": "1970-01-01T00:00:00Z"}
-    return Description(metadata, own.estimators, (*standing_attachments(), *own.attachments))
+    return replace(own, metadata=metadata, attachments=standing_attachments())
 
 
 class Recorder:
@@ -51,7 +52,7 @@ class Recorder:
         self.tap = Tap(memory)
         description = described(session)
         self.tap.start("benchmark")
-        arguments = (memory, path, description, BodyTree.from_mjcf(), time.time_ns(), (0, 0), 10**12)
+        arguments = (memory, path, description, BodyTree.from_mjcf(), time.time_ns(), Heads(), 10**12)
         context = multiprocessing.get_context("spawn")
         self.process: BaseProcess = context.Process(target=recorder_process, args=arguments)
         self.process.start()

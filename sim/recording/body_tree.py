@@ -58,6 +58,6 @@ class BodyTree:
         return tuple(chain[-2] if len(chain) > 1 else None for chain in chains)
 
     def orientations(self, joint_position: np.ndarray) -> np.ndarray:
-        """(n, 4) wxyz of every body in its parent for joint angles (22,), rad. The base keeps its rest orientation."""
-        half = np.where(self.joints >= 0, joint_position[self.joints], 0.0)[:, None] / 2.0
+        """(..., n, 4) wxyz of every body in its parent for joint angles (..., 22), rad. The base keeps its rest orientation."""
+        half = np.where(self.joints >= 0, joint_position[..., self.joints], 0.0)[..., None] / 2.0
         return np.cos(half) * self.rest_wxyz + np.sin(half) * self.turned_wxyz

@@ -30,7 +30,6 @@ def describe_session(session: Session[Any]) -> Description:
         "time_s": repr(session.time_s),
         "configuration": configuration_text(pipeline.config),
     }
-    attachments = [("keyframe.npz", "application/octet-stream", packed_state(pipeline))]
     if isinstance(session, Simulation):
         backend = session.backend
         metadata |= {
@@ -41,7 +40,7 @@ def describe_session(session: Session[Any]) -> Description:
             "payload_center_m": json.dumps(list(backend.mismatch.payload_center_m)),
             "parameters": json.dumps(dict(backend.parameters)),
         }
-    return Description(metadata, pipeline.estimator_names, tuple(attachments))
+    return Description(metadata, pipeline.estimator_names, packed_state(pipeline))
 
 
 def configuration_text(config: Any) -> str:

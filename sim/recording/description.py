@@ -2,6 +2,13 @@
 
 from dataclasses import dataclass
 
+STATE_TYPE = "application/zstd"
+
+
+def keyframe_name(tick: int | str) -> str:
+    """Name of the attachment with the packed state of the pipeline before a tick of the recording's count, compressed."""
+    return f"keyframe-{tick}.zst"
+
 
 @dataclass(frozen=True, slots=True)
 class Description:
@@ -10,9 +17,11 @@ class Description:
     Attributes:
         metadata: texts by name: backend, scene, seeds, versions, configuration and so on.
         estimators: names of the pipeline's, in the order of TICK.
-        attachments: (name, media type, data).
+        keyframe: packed state (control.state.file) of the pipeline at its start.
+        attachments: (name, media type, data) of what else is in it.
     """
 
     metadata: dict[str, str]
     estimators: tuple[str, ...]
-    attachments: tuple[tuple[str, str, bytes], ...]
+    keyframe: bytes
+    attachments: tuple[tuple[str, str, bytes], ...] = ()

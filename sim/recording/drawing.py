@@ -1,13 +1,13 @@
-"""The robot and the forces on its hand in Foxglove's own messages, which its 3-D panel and those of others show.
+"""The robot's meshes and the forces on its hand in Foxglove's own messages, which its 3-D panel and those of others show.
 
 Frames are named as those panels expect them: `odom` is the world, `base_link` the trunk; the other bodies keep their names.
 """
 
+import math
 from pathlib import Path
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
-from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from google.protobuf.descriptor import FileDescriptor
 from google.protobuf.descriptor_pb2 import FileDescriptorSet
@@ -19,11 +19,19 @@ WORLD, BASE = "odom", "base_link"
 METERS_PER_NEWTON = 0.01
 """Of an arrow."""
 
+RESOLUTION = 2.0**-15
+"""30 micrometres, or 60 microradians: nobody sees more, and what is random in a number cannot be compressed."""
+
 _ARROWS = (
     ("commanded", (230, 159, 0)),
     ("estimated", (0, 158, 115)),
     ("true", (236, 239, 244)),
 )
+
+
+def rounded(value: Any) -> Any:
+    """A number, or an array of them, to RESOLUTION."""
+    return RESOLUTION * np.round(value / RESOLUTION)
 
 
 def descriptors_of(message: type[Message]) -> bytes:
@@ -45,22 +53,6 @@ def descriptors_of(message: type[Message]) -> bytes:
 def frame_name(body: str, tree: BodyTree) -> str:
     """Frame of a body."""
     return BASE if body == tree.names[0] else body
-
-
-def transforms(snapshot: np.void, tree: BodyTree, time_ns: int) -> bytes:
-    """FrameTransforms of the robot in a SNAPSHOT record, and of the hand's heading frame."""
-    message = FrameTransforms()
-    orientations = tree.orientations(snapshot["joint_position"]).tolist()
-    for index, (name, parent) in enumerate(zip(tree.names, tree.parents, strict=True)):
-        if parent is None:
-            place = WORLD, snapshot["base_position"].tolist(), snapshot["base_orientation_wxyz"].tolist()
-        else:
-            place = frame_name(parent, tree), tree.positions[index].tolist(), orientations[index]
-        _add_transform(message, time_ns, frame_name(name, tree), *place)
-    half = 0.5 * float(snapshot["heading_yaw"])
-    place = WORLD, snapshot["end_effector_position_in_world"].tolist(), [np.cos(half), 0.0, 0.0, np.sin(half)]
-    _add_transform(message, time_ns, "hand", *place)
-    return message.SerializeToString()
 
 
 def robot_meshes(tree: BodyTree, visuals: Path, time_ns: int) -> bytes:
@@ -85,35 +77,25 @@ def arrows(snapshot: np.void, time_ns: int) -> bytes:
     for (name, color), force in zip(_ARROWS, forces, strict=True):
         entity = update.entities.add(id=f"force/{name}", frame_id="hand")
         _stamp(entity.timestamp, time_ns)
-        size = float(np.linalg.norm(force))
+        x, y, z = force.tolist()
+        size = math.sqrt(x * x + y * y + z * z)
         if not size > 0.1:  # nor where it is not known
             continue
-        arrow = entity.arrows.add(shaft_length=METERS_PER_NEWTON * size, shaft_diameter=0.015, head_length=0.04)
+        length = rounded(METERS_PER_NEWTON * size)
+        arrow = entity.arrows.add(shaft_length=length, shaft_diameter=0.015, head_length=0.04)
         arrow.head_diameter = 0.03
         arrow.color.r, arrow.color.g, arrow.color.b, arrow.color.a = *(channel / 255.0 for channel in color), 1.0
-        w, x, y, z = _along(force / size)
         rotation = arrow.pose.orientation
-        rotation.w, rotation.x, rotation.y, rotation.z = w, x, y, z
+        rotation.w, rotation.x, rotation.y, rotation.z = map(rounded, _along(x / size, y / size, z / size))
     return update.SerializeToString()
 
 
-def _along(direction: np.ndarray) -> tuple[float, float, float, float]:
-    """Quaternion wxyz that turns the x axis, along which arrows lie, to a direction (3,)."""
-    x, y, z = direction.tolist()
+def _along(x: float, y: float, z: float) -> tuple[float, float, float, float]:
+    """Quaternion wxyz that turns the x axis, along which arrows lie, to a direction."""
     if x < -0.9999:
         return 0.0, 0.0, 0.0, 1.0
-    scale = float(np.sqrt(2.0 * (1.0 + x)))
+    scale = math.sqrt(2.0 * (1.0 + x))
     return 0.5 * scale, 0.0, -z / scale, y / scale
-
-
-def _add_transform(
-    message: FrameTransforms, time_ns: int, child: str, parent: str, position: list[float], wxyz: list[float]
-) -> None:
-    transform = message.transforms.add(parent_frame_id=parent, child_frame_id=child)
-    _stamp(transform.timestamp, time_ns)
-    translation, rotation = transform.translation, transform.rotation
-    translation.x, translation.y, translation.z = position
-    rotation.w, rotation.x, rotation.y, rotation.z = wxyz
 
 
 def _stamp(timestamp: object, time_ns: int) -> None:

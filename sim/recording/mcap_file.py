@@ -32,7 +32,8 @@ from mcap.records import (
 MAGIC = b"\x89MCAP0\r\n"
 CHUNK, MESSAGE_INDEX = 6, 7
 COMPRESSION = "zstd"
-_LEVEL = 1
+_COMPRESSION = zstandard.ZstdCompressionParameters.from_level(3, min_match=4)
+"""Numbers that differ in their last bytes have matches of four."""
 
 
 class McapWriter:
@@ -48,7 +49,7 @@ class McapWriter:
         self._file = path.open("xb")
         fcntl.flock(self._file, fcntl.LOCK_EX)  # who repairs files leaves those alone that are written
         self._synced = synced
-        self._compressor = zstandard.ZstdCompressor(level=_LEVEL)
+        self._compressor = zstandard.ZstdCompressor(compression_params=_COMPRESSION)
         self.summary = Summary()
         self._file.write(MAGIC)
         self._write(Header(profile="", library=library))

@@ -6,9 +6,12 @@ from typing import Any
 import numpy as np
 
 from control.joints import JOINT_COUNT
-from control.timing import MOST_ESTIMATORS
-from sim.recording.wire import VECTOR, Kind, Wire
+from control.timing import MOST_ESTIMATORS, TICK_S
+from sim.recording.wire import SINGLE, VECTOR, Kind, Wire
 from sim.runtime.snapshot import COMMAND, SNAPSHOT
+
+TICK_NS = round(TICK_S * 1e9)
+"""Between the time stamps of two ticks."""
 
 _COMMAND_FIELDS: dict[str, Kind] = {name: COMMAND[name].shape[0] if COMMAND[name].shape else 1 for name in COMMAND.names or ()}
 
@@ -51,12 +54,14 @@ def _flat(dtype: np.dtype, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[s
 
 def _kind(dtype: np.dtype) -> Kind:
     count = int(np.prod(dtype.shape, dtype=int))
+    if dtype.base == np.float32:
+        return f"{SINGLE}{count}"
     return f"S{count * dtype.base.itemsize}" if dtype.base.kind == "S" else count
 
 
 _SNAPSHOT_FIELDS = tuple(_flat(SNAPSHOT))
 STATE = Wire("State", {"_".join(path): _kind(dtype) for path, dtype in _SNAPSHOT_FIELDS})
-"""A whole snapshot (sim.runtime.snapshot), numbers as doubles, nested names joined by an underscore."""
+"""A whole snapshot (sim.runtime.snapshot), whole numbers and flags as doubles, nested names joined by an underscore."""
 
 
 def write_ticks(ticks: np.ndarray, sensors: np.ndarray, inputs: np.ndarray, targets: np.ndarray) -> None:
@@ -105,7 +110,7 @@ def write_states(snapshots: np.ndarray, bodies: np.ndarray) -> None:
         column = _column(snapshots, path)
         field = "_".join(path)
         kind = STATE.fields[field]
-        if isinstance(kind, str):
+        if isinstance(kind, str) and not kind.startswith(SINGLE):
             bodies[field] = np.ascontiguousarray(column).reshape(len(column), -1).view(kind)[:, 0]
         else:
             bodies[field] = column if kind == 1 else column.reshape(len(column), -1)

@@ -1,6 +1,7 @@
 """Reads recordings: whole columns at once, or what was around one moment."""
 
 import json
+import re
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -8,15 +9,19 @@ from typing import Any
 
 import numpy as np
 import zstandard
+from mcap.data_stream import ReadDataStream
 from mcap.reader import make_reader
-from mcap.records import ChunkIndex
+from mcap.records import Attachment, ChunkIndex
 
 from control.timing import TICK_S
 from sim.recording import messages
-from sim.recording.messages import INPUTS, SENSORS, STATE, TARGETS, TRUTH, estimates_wire
+from sim.recording.description import keyframe_name
+from sim.recording.messages import INPUTS, SENSORS, STATE, TARGETS, TICK_NS, TRUTH, estimates_wire
 from sim.recording.wire import Wire
 
 _CACHED_CHUNKS = 4
+_RECORD_HEAD_BYTES = 9
+_KEYFRAME = re.compile(re.escape(keyframe_name("#")).replace(r"\#", r"(\d+)"))
 
 
 class RecordingFormatError(ValueError):
@@ -33,19 +38,28 @@ class Event:
 
 
 class Recording:
-    """One finished recording.
+    """One finished recording, or a part of it.
+
+    Args:
+        path: of the file.
+        from_s: ticks and events begin with the last keyframe up to this time since the start.
+        to_s: ticks end with this time.
 
     Attributes:
+        path: see above.
         metadata: texts by name, see sim.recording.describe.
         estimators: names, in the order of columns of estimates.
         start_ns: time stamp of the first tick.
-        duration_s: of the robot's time.
+        duration_s: of the robot's time, of the whole recording.
+        keyframes: ticks, in the recording's count, that there is a keyframe before.
+        first_tick: the first of the part.
 
     Raises:
         RecordingFormatError: it is none, or of another version.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, from_s: float = 0.0, to_s: float = np.inf) -> None:
+        self.path = path
         self._file = path.open("rb")
         try:
             reader = make_reader(self._file)
@@ -53,7 +67,7 @@ class Recording:
             assert summary is not None
             assert summary.statistics is not None
             self.metadata = next(each.metadata for each in reader.iter_metadata() if each.name == "forcelens")
-            self._attachments = {each.name: each.data for each in reader.iter_attachments()}
+            self._attachments = {each.name: each for each in summary.attachment_indexes}
         except Exception as error:
             self._file.close()
             raise RecordingFormatError(f"{path} is no recording of Forcelens: {error}") from error
@@ -64,6 +78,10 @@ class Recording:
         self.estimators = tuple(self.metadata["estimators"].split(","))
         self.start_ns = summary.statistics.message_start_time
         self.duration_s = (summary.statistics.message_end_time - self.start_ns) / 1e9
+        found = [_KEYFRAME.fullmatch(name) for name in self._attachments]
+        self.keyframes = tuple(sorted(int(match[1]) for match in found if match))
+        self.first_tick = max((tick for tick in self.keyframes if tick * TICK_S <= max(from_s, 0.0) + 0.5 * TICK_S), default=0)
+        self._part_ns = self.start_ns + self.first_tick * TICK_NS, self.start_ns + round(1e9 * min(to_s, self.duration_s + 1.0))
         self._data = lru_cache(_CACHED_CHUNKS)(self._decompressed)
         self._states_of = lru_cache(_CACHED_CHUNKS)(self._chunk_states)
 
@@ -78,7 +96,16 @@ class Recording:
         """
         if name not in self._attachments:
             raise RecordingFormatError(f"the recording has no attachment {name!r}")
-        return self._attachments[name]
+        self._file.seek(self._attachments[name].offset + _RECORD_HEAD_BYTES)
+        return Attachment.read(ReadDataStream(self._file)).data
+
+    def keyframe(self) -> bytes:
+        """Packed state of the pipeline before the first tick of the part.
+
+        Raises:
+            RecordingFormatError: there is none.
+        """
+        return zstandard.decompress(self.attachment(keyframe_name(self.first_tick)))
 
     def sensors(self) -> np.ndarray:
         """Messages (n,) of SENSORS.record, one per tick."""
@@ -106,21 +133,27 @@ class Recording:
         return np.round((column["log"] - np.uint64(self.start_ns)).astype(float) / (1e9 * TICK_S)).astype(int)
 
     def events(self) -> list[Event]:
-        """All that were done, in order."""
+        """All that were done in the part, in order."""
         self._file.seek(0)
         reader = make_reader(self._file)
         found = []
         for _, _, message in reader.iter_messages(topics=["/events"]):
             content = json.loads(message.data)
             tick = round((message.log_time - self.start_ns) / (1e9 * TICK_S))
-            found.append(Event(tick, content["name"], content["arguments"]))
+            if self._part_ns[0] <= message.log_time < self._part_ns[1]:
+                found.append(Event(tick, content["name"], content["arguments"]))
         return found
 
     def column(self, topic: str, wire: Wire) -> np.ndarray:
-        """All messages (n,) of a topic, `wire.record`."""
+        """All messages (n,) of a topic in the part, `wire.record`."""
         self._require(topic, wire)
-        parts = [self._messages(index, topic, wire) for index in range(len(self._chunks))]
-        return np.concatenate(parts) if parts else np.zeros(0, wire.record)
+        start_ns, stop_ns = self._part_ns
+        parts = [np.zeros(0, wire.record)]
+        for index, chunk in enumerate(self._chunks):
+            if start_ns <= chunk.message_end_time and chunk.message_start_time < stop_ns:
+                rows = self._messages(index, topic, wire)
+                parts.append(rows[(rows["log"] >= start_ns) & (rows["log"] < stop_ns)])
+        return np.concatenate(parts)
 
     def snapshot(self, time_s: float) -> np.void | None:
         """The last SNAPSHOT record up to a time since the start; None before the first."""

@@ -10,32 +10,35 @@ import multiprocessing
 import os
 import signal
 import time
+from functools import cache
 from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
+import zstandard
 from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 
 from control.paths import ROBOT_MJCF
-from control.timing import TICK_S
 from sim.recording import messages
 from sim.recording.body_tree import BodyTree
-from sim.recording.description import Description
-from sim.recording.drawing import arrows, descriptors_of, robot_meshes, transforms
+from sim.recording.description import STATE_TYPE, Description, keyframe_name
+from sim.recording.drawing import arrows, descriptors_of, robot_meshes
 from sim.recording.mcap_file import McapWriter
-from sim.recording.messages import INPUTS, SENSORS, STATE, TARGETS, TRUTH
-from sim.recording.tap import PER_PERIOD, Tap
+from sim.recording.messages import INPUTS, SENSORS, STATE, TARGETS, TICK_NS, TRUTH
+from sim.recording.tap import KEYFRAME, PER_PERIOD, Heads, Tap
+from sim.recording.transforms import TransformEncoder
 from sim.recording.wire import MESSAGE_OPCODE
 
 POLL_S = 0.1
 CHUNK_TICKS = 250
-MOST_TICKS = 2000
-TICK_NS = round(TICK_S * 1e9)
 PART = ".part"
 JSON_OBJECT = b'{"type": "object"}'
 
 _log = logging.getLogger(__name__)
+
+
+_NO_KEYFRAMES = np.zeros(0, KEYFRAME)
 
 
 class RecordingWriter:
@@ -49,13 +52,14 @@ class RecordingWriter:
     """
 
     def __init__(self, path: Path, description: Description, tree: BodyTree, start_ns: int) -> None:
-        self._tree = tree
+        self._transforms = TransformEncoder(tree)
         self._start_ns = start_ns
         self._names = description.estimators
         self._file = file = McapWriter(path, "forcelens")
         file.describe("forcelens", description.metadata)
         for name, media_type, data in description.attachments:
             file.attach(name, media_type, data, start_ns)
+        self._attach_keyframe(0, description.keyframe)
         self._estimates = messages.estimates_wire(self._names)
         wires = {
             "/sensors": SENSORS,
@@ -83,7 +87,15 @@ class RecordingWriter:
         """Time stamp of a tick of the recording's count."""
         return self._start_ns + tick * TICK_NS
 
-    def write(self, first: int, ticks: np.ndarray, moments: np.ndarray, events: np.ndarray, missed: int) -> None:
+    def write(
+        self,
+        first: int,
+        ticks: np.ndarray,
+        moments: np.ndarray,
+        events: np.ndarray,
+        missed: int = 0,
+        keyframes: np.ndarray = _NO_KEYFRAMES,
+    ) -> None:
         """Write one chunk.
 
         Args:
@@ -92,6 +104,7 @@ class RecordingWriter:
             moments: MOMENT records (m,).
             events: EVENT records (k,).
             missed: ticks before `first` that are lost.
+            keyframes: KEYFRAME records (l,), which come after the chunk.
         """
         times = self.time_ns(first) + TICK_NS * np.arange(len(ticks), dtype="u8")
         sensors, inputs, targets, estimates = (
@@ -111,6 +124,8 @@ class RecordingWriter:
             gap = json.dumps({"first_tick": first - missed, "ticks": missed}).encode()
             batches.append(self._message("/gaps", self.time_ns(first), gap))
         self._file.write_chunk(batches)
+        for tick, size, data in zip(keyframes["tick"].tolist(), keyframes["size"].tolist(), keyframes["data"], strict=True):
+            self._attach_keyframe(tick, data[:size].tobytes())
 
     def close(self) -> None:
         """Give the file its end."""
@@ -119,6 +134,9 @@ class RecordingWriter:
     def abandon(self) -> None:
         """Leave the file as it is, without an end."""
         self._file.abandon()
+
+    def _attach_keyframe(self, tick: int, state: bytes) -> None:
+        self._file.attach(keyframe_name(tick), STATE_TYPE, zstandard.compress(state), self.time_ns(tick))
 
     def _moments(self, moments: np.ndarray) -> list[np.ndarray]:
         if not len(moments):
@@ -136,38 +154,48 @@ class RecordingWriter:
         states = STATE.batch(times[kept], self._channels["/state"])
         messages.write_states(moments["snapshot"][kept], states["body"])
         batches.append(states)
+        batches.append(self._messages("/tf", times[kept], self._transforms.batch(moments["snapshot"][kept], times[kept])))
         for index in kept:
             snapshot, time_ns = cast(np.void, moments["snapshot"][index]), int(times[index])
-            batches.append(self._message("/tf", time_ns, transforms(snapshot, self._tree, time_ns)))
             batches.append(self._message("/scene", time_ns, arrows(snapshot, time_ns)))
         return batches
 
     def _message(self, topic: str, time_ns: int, data: bytes) -> np.ndarray:
         """One message record of any length, as an array (1,)."""
-        dtype = np.dtype([*_MESSAGE_HEAD, ("body", f"V{len(data)}")])
-        record = np.zeros(1, dtype)
-        record["opcode"], record["length"], record["channel"] = MESSAGE_OPCODE, 22 + len(data), self._channels[topic]
-        record["log"] = record["publish"] = time_ns
-        record["body"] = np.void(data)
-        return record
+        return self._messages(topic, np.array([time_ns], "u8"), np.frombuffer(data, np.uint8)[None])
+
+    def _messages(self, topic: str, times_ns: np.ndarray, bodies: np.ndarray) -> np.ndarray:
+        """Message records (n,) at times (n,) of bodies (n, length), u1."""
+        count, length = bodies.shape
+        records = np.zeros(count, _message_dtype(length))
+        records["opcode"], records["length"], records["channel"] = MESSAGE_OPCODE, 22 + length, self._channels[topic]
+        records["log"] = records["publish"] = times_ns
+        records["body"] = bodies
+        return records
 
 
-_MESSAGE_HEAD: list[Any] = [
-    ("opcode", "u1"),
-    ("length", "<u8"),
-    ("channel", "<u2"),
-    ("sequence", "<u4"),
-    ("log", "<u8"),
-    ("publish", "<u8"),
-]
+@cache
+def _message_dtype(length: int) -> np.dtype:
+    return np.dtype(
+        [
+            ("opcode", "u1"),
+            ("length", "<u8"),
+            ("channel", "<u2"),
+            ("sequence", "<u4"),
+            ("log", "<u8"),
+            ("publish", "<u8"),
+            ("body", "u1", (length,)),
+        ]
+    )
 
 
 class Drain:
     """Moves what the tap has into a writer."""
 
-    def __init__(self, tap: Tap, writer: RecordingWriter, moment: int, event: int) -> None:
+    def __init__(self, tap: Tap, writer: RecordingWriter, heads: Heads) -> None:
         self._tap, self._writer = tap, writer
-        self._tick, self._moment, self._event = tap.first, moment, event
+        self._tick = tap.first
+        self._moment, self._event, self._keyframe = heads
         self._missed = 0
 
     def turn(self, *, least: int) -> bool:
@@ -175,22 +203,25 @@ class Drain:
         tap = self._tap
         if tap.ticks.head - self._tick < max(least, 1):
             return False
-        ticks, moments, events = (
-            tap.ticks.take(self._tick, MOST_TICKS),
-            tap.moments.take(self._moment, MOST_TICKS),
-            tap.events.take(self._event, MOST_TICKS),
+        ticks, moments, events, keyframes = (
+            tap.ticks.take(self._tick, CHUNK_TICKS),  # also of one that is late, so that what a cut costs is no more
+            tap.moments.take(self._moment, CHUNK_TICKS),
+            tap.events.take(self._event, CHUNK_TICKS),
+            tap.keyframes.take(self._keyframe, CHUNK_TICKS),
         )
         self._tick = ticks.first + len(ticks.records)
         self._moment = moments.first + len(moments.records)
         self._event = events.first + len(events.records)
+        self._keyframe = keyframes.first + len(keyframes.records)
         self._missed += ticks.missed
-        self._writer.write(ticks.first - tap.first, ticks.records, moments.records, events.records, ticks.missed)
+        taken = ticks.records, moments.records, events.records
+        self._writer.write(ticks.first - tap.first, *taken, ticks.missed, keyframes.records)
         tap.report(self._writer.size_bytes, self._missed)
         return True
 
 
 def recorder_process(
-    memory: Any, path: Path, description: Description, tree: BodyTree, start_ns: int, heads: tuple[int, int], limit_bytes: int
+    memory: Any, path: Path, description: Description, tree: BodyTree, start_ns: int, heads: Heads, limit_bytes: int
 ) -> None:
     """Entry point of the spawned process.
 
@@ -198,7 +229,7 @@ def recorder_process(
         memory: of the tap.
         path: of the finished file.
         description, tree, start_ns: see RecordingWriter.
-        heads: of the tap's rings of moments and events when the recording started.
+        heads: of the tap's other rings when the recording started.
         limit_bytes: size at which the recording ends.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -206,7 +237,7 @@ def recorder_process(
     tap = Tap(memory)
     part = path.with_name(path.name + PART)
     writer = RecordingWriter(part, description, tree, start_ns)
-    drain = Drain(tap, writer, *heads)
+    drain = Drain(tap, writer, heads)
     parent = multiprocessing.parent_process()
     try:
         while not tap.stopped and (parent is None or parent.is_alive()):

@@ -1,7 +1,7 @@
 """Runs the pipeline, or one estimator, over what a recording's sensors saw.
 
-From the state at its start (`keyframe.npz`) the pipeline gives the recorded estimates and targets bit for bit, on the machine
-and version that made it; elsewhere the last digits differ.
+From any of its keyframes (sim.recording.keyframes) the pipeline gives the recorded estimates and targets bit for bit, on the
+machine and version that made it; elsewhere the last digits differ.
 """
 
 from collections.abc import Iterator
@@ -30,12 +30,12 @@ class Rerun(NamedTuple):
 
 
 def recorded_pipeline(recording: Recording) -> Pipeline:
-    """The pipeline as it was before the recording's first tick."""
+    """The pipeline as it was before the first tick of the recording, or of the part of it that was opened."""
     metadata = recording.metadata
     pipeline = Pipeline(PipelineConfig(controller=metadata["controller"], estimator=metadata["estimator"]))
     if pipeline.estimator_names != recording.estimators:
         raise RecordingFormatError(f"the recording has the estimators {', '.join(recording.estimators)}")
-    unpack_state(recording.attachment("keyframe.npz"), pipeline)
+    unpack_state(recording.keyframe(), pipeline)
     return pipeline
 
 

@@ -1,15 +1,18 @@
 """What the control process tells a recorder: every tick, snapshots, and events, through shared memory that nobody waits on."""
 
 import json
-from typing import Any
+import logging
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from control.joints import JOINT_COUNT
 from control.timing import MOST_ESTIMATORS, SLOT_COUNT
 from sim.processes.anonymous_memory import AnonymousMemory
-from sim.recording.ring import Ring
+from sim.recording.ring import Ring, bytes_of
 from sim.runtime.snapshot import COMMAND, SNAPSHOT
+
+_log = logging.getLogger(__name__)
 
 TICK = np.dtype(
     [
@@ -21,7 +24,7 @@ TICK = np.dtype(
         ("joint_position", "f8", JOINT_COUNT),
         ("joint_velocity", "f8", JOINT_COUNT),
         ("joint_torque", "f8", JOINT_COUNT),
-        ("command", COMMAND),  # as it went into the pipeline
+        ("command", [(name, "f8", COMMAND[name].shape) for name in COMMAND.names or ()]),  # as it went into the pipeline
         ("command_age_s", "f8"),
         ("applied_mask", "f8", 3),  # of the command as applied, which the next tick's estimators read
         ("estimates_n", "f8", (MOST_ESTIMATORS, 3)),  # in the order of the pipeline's estimators, NaN where there is none
@@ -30,10 +33,13 @@ TICK = np.dtype(
         ("target_velocity", "f8", JOINT_COUNT),
     ]
 )
-"""One tick. Units SI; forces in heading, of the environment on the robot."""
+"""One tick. Units SI; forces in heading, of the environment on the robot. Doubles only, so that it is written as one row."""
 
 MOMENT = np.dtype([("tick", "u8"), ("snapshot", SNAPSHOT)])
 """A snapshot after as many ticks of the recording's count."""
+
+KEYFRAME = np.dtype([("tick", "u8"), ("size", "u8"), ("data", "u1", 163840)])
+"""The packed state (control.state.file) of the pipeline before a tick of the recording's count, padded."""
 
 EVENT = np.dtype([("tick", "u8"), ("text", "S1000")])
 """JSON {name, arguments} of what was done before a tick of the recording's count."""
@@ -43,10 +49,23 @@ TICK_SLOTS = 8192
 
 MOMENT_SLOTS = 1024
 EVENT_SLOTS = 1024
+KEYFRAME_SLOTS = 16
 
-_HEADER = np.dtype([("active", "u8"), ("stop", "u8"), ("first", "u8"), ("size_bytes", "u8"), ("missed", "u8"), ("id", "S64")])
+_UNKNOWN = np.full(3, np.nan)
+_SNAPSHOT_AT = 8  # in MOMENT
+_ACTIVE, _STOP, _FIRST, _SIZE, _MISSED = range(5)  # words of the header
+_NAME = slice(64, 128)  # of the header
 _HEADER_BYTES = 256
-_SIZES = (Ring.size_of(TICK, TICK_SLOTS), Ring.size_of(MOMENT, MOMENT_SLOTS), Ring.size_of(EVENT, EVENT_SLOTS))
+_SLOTS = ((TICK, TICK_SLOTS), (MOMENT, MOMENT_SLOTS), (EVENT, EVENT_SLOTS), (KEYFRAME, KEYFRAME_SLOTS))
+_SIZES = tuple(Ring.size_of(dtype, slots) for dtype, slots in _SLOTS)
+
+
+class Heads(NamedTuple):
+    """Where the rings of moments, events and keyframes stood when a recording started."""
+
+    moments: int = 0
+    events: int = 0
+    keyframes: int = 0
 
 
 def allocate() -> AnonymousMemory:
@@ -58,56 +77,62 @@ class Tap:
     """View of the shared memory in one process. The control process writes the rings, the web process starts and stops.
 
     Attributes:
-        ticks, moments, events: rings of TICK, MOMENT and EVENT.
+        ticks, moments, events, keyframes: rings of TICK, MOMENT, EVENT and KEYFRAME.
     """
 
     def __init__(self, memory: Any) -> None:
-        view = memoryview(memory)
-        self._header = np.frombuffer(view[: _HEADER.itemsize], _HEADER)[0:1]
-        parts = []
+        view = memoryview(memory).cast("B")
+        self._header = view[:_HEADER_BYTES]
+        self._words = self._header.cast("Q")
+        rings = []
         start = _HEADER_BYTES
-        for size in _SIZES:
-            parts.append(view[start : start + size])
+        for (dtype, slots), size in zip(_SLOTS, _SIZES, strict=True):
+            rings.append(Ring(view[start : start + size], dtype, slots))
             start += _aligned(size)
-        self.ticks = Ring(parts[0], TICK, TICK_SLOTS)
-        self.moments = Ring(parts[1], MOMENT, MOMENT_SLOTS)
-        self.events = Ring(parts[2], EVENT, EVENT_SLOTS)
-        self._active = self._header["active"]
-        self._record = np.zeros(1, TICK)[0]
-        self._moment = np.zeros(1, MOMENT)[0]
-        self._event = np.zeros(1, EVENT)[0]
+        self.ticks, self.moments, self.events, self.keyframes = rings
+        self._row = np.zeros(TICK.itemsize // 8)
+        self._times, self._further = np.zeros(2), np.zeros(2)
+        self._no_forces = [_UNKNOWN] * MOST_ESTIMATORS
+        self._moment, self._event, self._keyframe = np.zeros(1, MOMENT), np.zeros(1, EVENT), np.zeros(1, KEYFRAME)
+        self._row_bytes = bytes_of(self._row)
+        self._moment_bytes, self._event_bytes, self._keyframe_bytes = map(bytes_of, (self._moment, self._event, self._keyframe))
 
     @property
     def active(self) -> bool:
         """Whether the control process writes."""
-        return self._active[0] != 0
+        return self._words[_ACTIVE] != 0
 
     def start(self, name: str) -> None:
         """The next tick is the first of the recording `name`. Called in the control process."""
-        header = self._header
-        header["first"], header["size_bytes"], header["missed"], header["stop"] = self.ticks.head, 0, 0, 0
-        header["id"] = name.encode()
-        header["active"] = 1
+        words = self._words
+        words[_FIRST], words[_SIZE], words[_MISSED], words[_STOP] = self.ticks.head, 0, 0, 0
+        self._header[_NAME] = name.encode().ljust(64, b"\0")
+        words[_ACTIVE] = 1
 
     def stop(self) -> None:
         """No more ticks; the recorder finishes."""
-        self._header["active"] = 0
-        self._header["stop"] = 1
+        self._words[_ACTIVE] = 0
+        self._words[_STOP] = 1
 
     @property
     def stopped(self) -> bool:
         """Whether `stop` was called since `start`."""
-        return bool(self._header["stop"][0])
+        return self._words[_STOP] != 0
 
     @property
     def name(self) -> str:
         """Of the recording under way, or of the last one."""
-        return bytes(self._header["id"][0]).decode()
+        return bytes(self._header[_NAME]).rstrip(b"\0").decode()
 
     @property
     def first(self) -> int:
         """Index in `ticks` of the recording's first tick."""
-        return int(self._header["first"][0])
+        return self._words[_FIRST]
+
+    @property
+    def heads(self) -> Heads:
+        """Where the other rings stand."""
+        return Heads(self.moments.head, self.events.head, self.keyframes.head)
 
     @property
     def count(self) -> int:
@@ -117,46 +142,55 @@ class Tap:
     @property
     def size_bytes(self) -> int:
         """Of the file so far, as the recorder says."""
-        return int(self._header["size_bytes"][0])
+        return self._words[_SIZE]
 
     @property
     def missed(self) -> int:
         """Ticks that the recorder came too late for."""
-        return int(self._header["missed"][0])
+        return self._words[_MISSED]
 
     def report(self, size_bytes: int, missed: int) -> None:
         """Called in the recorder."""
-        self._header["size_bytes"], self._header["missed"] = size_bytes, missed
+        self._words[_SIZE], self._words[_MISSED] = size_bytes, missed
 
     def put_tick(self, session: Any) -> None:
         """Append the last tick of a session (sim.runtime.session.Session)."""
-        record, output, sensor = self._record, session.output, session.sensor
-        record["time_s"] = session.time_s
-        record["sensor_time_s"] = sensor.time_s
-        record["orientation_wxyz"] = sensor.orientation_wxyz
-        record["angular_velocity"] = sensor.angular_velocity
-        record["linear_acceleration"] = sensor.linear_acceleration
-        record["joint_position"] = sensor.joint_position
-        record["joint_velocity"] = sensor.joint_velocity
-        record["joint_torque"] = sensor.joint_torque
-        session.write_command(record["command"])
-        record["command_age_s"] = session.command_age_s
-        record["applied_mask"] = output.applied_command.mask
-        estimates, out = output.estimates, record["estimates_n"]
-        for index, name in enumerate(session.pipeline.estimator_names):
-            estimate = estimates.get(name)
-            out[index] = np.nan if estimate is None else estimate.force_estimated_n
-        chosen = estimates.get(session.pipeline.estimator_name)
-        record["sigma_n"] = np.nan if chosen is None or chosen.sigma_n is None else chosen.sigma_n
-        record["target_position"] = output.joint_command.position
-        record["target_velocity"] = output.joint_command.velocity
-        self.ticks.put(record)
+        output, sensor, command, pipeline = session.output, session.sensor, session.command, session.pipeline
+        estimates, names = output.estimates, pipeline.estimator_names
+        forces = [estimates[name].force_estimated_n if name in estimates else _UNKNOWN for name in names]
+        chosen = estimates.get(pipeline.estimator_name)
+        times, further = self._times, self._further
+        times[0], times[1] = session.time_s, sensor.time_s
+        further[0], further[1] = command.guidance, session.command_age_s
+        row = (
+            times,
+            sensor.orientation_wxyz,
+            sensor.angular_velocity,
+            sensor.linear_acceleration,
+            sensor.joint_position,
+            sensor.joint_velocity,
+            sensor.joint_torque,
+            command.mask,
+            command.force_n,
+            command.position_m,
+            command.orientation_wxyz,
+            command.base_velocity,
+            further,
+            output.applied_command.mask,
+            *forces,
+            *self._no_forces[len(forces) :],
+            _UNKNOWN if chosen is None or chosen.sigma_n is None else chosen.sigma_n,
+            output.joint_command.position,
+            output.joint_command.velocity,
+        )
+        np.concatenate(row, out=self._row)
+        self.ticks.put(self._row_bytes)
 
     def put_moment(self, snapshot: np.void) -> None:
         """Append a SNAPSHOT record of the last tick."""
         self._moment["tick"] = self.count
-        self._moment["snapshot"] = snapshot
-        self.moments.put(self._moment)
+        self._moment_bytes[_SNAPSHOT_AT:] = np.frombuffer(snapshot, np.uint8).data  # in one go, not field by field
+        self.moments.put(self._moment_bytes)
 
     def put_event(self, name: str, arguments: dict[str, Any]) -> None:
         """Append something done before the next tick."""
@@ -165,7 +199,17 @@ class Tap:
         if len(text) > EVENT["text"].itemsize:  # masses of many links, which no pipeline is told
             text = json.dumps({"name": name, "arguments": {}}).encode()
         self._event["text"] = text
-        self.events.put(self._event)
+        self.events.put(self._event_bytes)
+
+    def put_keyframe(self, tick: int, data: bytes) -> None:
+        """Append the packed state of the pipeline before a tick of the recording's count."""
+        if len(data) > KEYFRAME["data"].itemsize:
+            _log.warning("the pipeline's state of %d kB is too large to be recorded", len(data) // 1000)
+            return
+        keyframe = self._keyframe[0]
+        keyframe["tick"], keyframe["size"] = tick, len(data)
+        keyframe["data"][: len(data)] = np.frombuffer(data, np.uint8)
+        self.keyframes.put(self._keyframe_bytes)
 
 
 PER_PERIOD = SLOT_COUNT

@@ -1,6 +1,6 @@
 """Protobuf messages of constant length, so that a numpy array is a batch of them as they go over the wire.
 
-A message whose fields are doubles, packed repeated doubles, texts of one length and submessages of doubles always has the same
+A message whose fields are doubles, packed repeated numbers, texts of one length and submessages of doubles always has the same
 bytes between its values: tags and lengths. A numpy dtype that has these as constant fields is the encoding, and assigning a
 column encodes that field of a whole batch. https://protobuf.dev/programming-guides/encoding
 """
@@ -18,9 +18,12 @@ _DOUBLE, _BYTES = 1, 2
 VECTOR = "vector"
 """Kind of a field that is a submessage {x, y, z}: plotters name such values, elements of arrays they do not."""
 
+SINGLE = "F"
+"""First letter of the kind of a field with numbers of single precision."""
+
 MESSAGE_OPCODE = 5
 Kind = int | str
-"""1: a double. n: n doubles, repeated. VECTOR. "S<n>": a text of n bytes, padded with NUL."""
+"""1: a double. n: n doubles, repeated. "F<n>": n of single precision. VECTOR. "S<n>": a text of n bytes, padded with NUL."""
 
 
 class Wire:
@@ -60,6 +63,11 @@ class Wire:
                 for sub, axis in enumerate("xyz", start=1):
                     constant(_tag(sub, _DOUBLE))
                     layout.append((f"{field}.{axis}", "<f8"))
+            elif isinstance(kind, str) and kind.startswith(SINGLE):
+                count = int(kind[1:])
+                message.field.add(name=field, number=number, type=_FIELD.TYPE_FLOAT, label=_FIELD.LABEL_REPEATED)
+                constant(_tag(number, _BYTES) + _varint(4 * count))
+                layout.append((field, "<f4", (count,)))
             elif isinstance(kind, str):
                 message.field.add(name=field, number=number, type=_FIELD.TYPE_BYTES, label=_FIELD.LABEL_OPTIONAL)
                 constant(_tag(number, _BYTES) + _varint(int(kind[1:])))

@@ -28,8 +28,6 @@ _WINDOW = round(WINDOW_S / TICK_S)
 _SHOWN_EVERY = 5
 """Ticks between two kept snapshots, those that are published."""
 
-_INPUT = np.dtype([("age_s", "f8"), ("setpoint", SETPOINT)])
-
 
 class HistoryTimeError(ValueError):
     """A time that the history does not reach; the message tells which it does."""
@@ -59,8 +57,10 @@ class History:
         self.branch = 0
         self._session = session
         # Written to, so that all of their memory is there: it grows no more, and no tick waits for a page of it.
-        self._inputs = np.full(_WINDOW + HALF_SECOND, np.zeros((), _INPUT))
-        self._snapshots = np.full((_WINDOW + HALF_SECOND) // _SHOWN_EVERY, np.zeros((), SNAPSHOT))
+        self._setpoints = np.full(_WINDOW + HALF_SECOND, np.zeros((), SETPOINT))
+        self._ages_s = np.full(len(self._setpoints), 0.0)
+        self._snapshots = np.full(len(self._setpoints) // _SHOWN_EVERY, np.zeros((), SNAPSHOT))
+        self._snapshot_bytes = self._snapshots.view(np.uint8).reshape(len(self._snapshots), -1)
         self._snapshot_ticks = np.full(len(self._snapshots), -1)
         self._kept: deque[_Kept] = deque()
         self._deeds: deque[_Deed] = deque()
@@ -74,6 +74,11 @@ class History:
         self._deeds.clear()
         self._snapshot_ticks[:] = -1
         self._shown = self._trouble = None
+
+    @property
+    def newest(self) -> Moment | None:
+        """What was kept at the newest tick, None if that was not its turn."""
+        return self._kept[-1].moment if self._kept and self._kept[-1].tick == self._last else None
 
     @property
     def trouble(self) -> str | None:
@@ -110,9 +115,9 @@ class History:
         if self._trouble is not None:
             return
         self._last = round(self._session.time_s / TICK_S)
-        slot = self._inputs[self._last % len(self._inputs)]
-        slot["age_s"] = age_s
-        slot["setpoint"] = setpoint
+        slot = self._last % len(self._ages_s)
+        self._ages_s[slot] = age_s
+        self._setpoints[slot] = setpoint
         self._shown = None
         if not self._kept or self._last - self._kept[-1].tick >= HALF_SECOND:
             self._keep()
@@ -121,7 +126,7 @@ class History:
         """A SNAPSHOT record of the newest tick."""
         index = self._last // _SHOWN_EVERY % len(self._snapshots)
         if self._kept and self._snapshot_ticks[index] // _SHOWN_EVERY != self._last // _SHOWN_EVERY:
-            self._snapshots[index] = snapshot
+            self._snapshot_bytes[index] = np.frombuffer(snapshot, np.uint8)  # in one go, not field by field
             self._snapshot_ticks[index] = self._last
 
     def show(self, time_s: float) -> None:
@@ -170,8 +175,8 @@ class History:
             while deeds and deeds[0].tick < number:
                 deed = deeds.pop(0)
                 deed.call(**deed.arguments)
-            inputs = self._inputs[number % len(self._inputs)]
-            session.tick_setpoint(inputs["setpoint"], float(inputs["age_s"]))
+            slot = number % len(self._ages_s)
+            session.tick_setpoint(self._setpoints[slot], float(self._ages_s[slot]))
             if number in published:  # some readings count from one to the next
                 session.readings()
         self._last = tick

@@ -18,7 +18,7 @@ from control.timing import TICK_S
 from control.types import Command, SensorFrame
 from sim.backends.protocol import Backend, GroundTruth
 from sim.runtime.fault_words import ESTOP_LATCHED
-from sim.runtime.snapshot import MAX_ESTIMATORS, NAME, Mode, command_from_record, command_to_record
+from sim.runtime.snapshot import MAX_ESTIMATORS, NAME, Mode, command_from_record
 from sim.runtime.snapshot_kernels import track_error_power
 from sim.runtime.snapshot_limits import check_name, check_pipeline
 from sim.runtime.snapshot_writer import (
@@ -122,9 +122,10 @@ class Session(Generic[BackendT]):
         """What the pipeline saw at the last tick."""
         return self._sensor
 
-    def write_command(self, record: np.void) -> None:
-        """The command of the last tick into a COMMAND record, as it went into the pipeline."""
-        command_to_record(self._command, record)
+    @property
+    def command(self) -> Command:
+        """The command of the last tick, as it went into the pipeline."""
+        return self._command
 
     @property
     def mode(self) -> Mode:

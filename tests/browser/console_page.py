@@ -54,7 +54,8 @@ class Api:
         data = None if body is None else json.dumps(body).encode()
         request = urllib.request.Request(f"{self.address}/api/v1/{path}", data, self._headers, method=method)
         with urllib.request.urlopen(request, timeout=20.0) as response:
-            return json.load(response)
+            text = response.read()
+        return json.loads(text) if text else None
 
     def state(self) -> dict[str, Any]:
         return self.call("GET", "state")

@@ -44,6 +44,20 @@ def test_it_says_what_the_state_says(samples: Samples, server: RunningServer) ->
     assert all(math.isfinite(value) for value in samples.values())
 
 
+def test_it_tells_of_the_recorder(server: RunningServer, samples: Samples) -> None:
+    assert one(samples, "recording") == one(samples, "recorder_alive") == 0.0
+    key = server.http.post("/api/v1/recordings", json={}).json()["id"]
+    server.wait_for(lambda state: state["recording"]["size_bytes"] > 0)
+    during = scrape(server)
+    row = server.http.delete("/api/v1/recordings/current").json()
+    server.http.delete(f"/api/v1/recordings/{key}").raise_for_status()
+    assert one(during, "recording") == one(during, "recorder_alive") == 1.0
+    assert 0.0 < one(during, "recording_bytes") <= row["size_bytes"]
+    assert one(during, "recording_lost_ticks_total") == 0.0
+    assert one(during, "recorder_resident_memory_bytes") > 1e7
+    assert one(scrape(server), "recorder_alive") == 0.0
+
+
 def test_every_tick_is_in_one_class_of_the_histogram(server: RunningServer, samples: Samples) -> None:
     def buckets(of: Samples) -> list[float]:
         found = {dict(labels)["le"]: value for (name, labels), value in of.items() if name.endswith("duration_seconds_bucket")}

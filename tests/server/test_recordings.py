@@ -13,6 +13,7 @@ import pytest
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
+from server.errors import RefusedError
 from sim.recording.folder import RecordingFolder
 from tests.server.contract import API
 from tests.server.running_server import RunningServer
@@ -76,7 +77,7 @@ def test_what_was_recorded_is_what_happened(paused: RunningServer) -> None:
     events = [json.loads(message.data)["name"] for _, _, message in reader.iter_messages(topics=["/events"])]
     assert events == ["select_estimator"]
     names = {attachment.name for attachment in reader.iter_attachments()}
-    assert names == {"robot.xml", "forcelens.foxglove.json", "keyframe.npz"}
+    assert names == {"robot.xml", "forcelens.foxglove.json", "keyframe-0.zst"}
     metadata = {each.name: each.metadata for each in reader.iter_metadata()}["forcelens"]
     assert (metadata["scene"], metadata["name"]) == ("free", "a push")
     assert "weights.hybrid" in metadata
@@ -177,7 +178,10 @@ def test_a_recording_is_shown_and_sends_nothing(paused: RunningServer) -> None:
             ("PATCH", "replay", {"speed": 9.0}, 422),
         ):
             assert paused.http.request(method, API + path, json=body).status_code == status, path
+        assert paused.operator.estimates.shown == row["id"]
     finally:
         call(paused, "PUT", "backend", {"name": "simulation"})
+    with pytest.raises(RefusedError, match="no recording is shown"):
+        paused.operator.estimates.again("gmo_pi", None)
     assert paused.http.get(f"{API}replay").status_code == 409
     assert paused.state()["controller"] == before["controller"]

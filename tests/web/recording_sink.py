@@ -81,6 +81,30 @@ class RecordingRecordings:
         return ["20261128-b", "20261128-a"]
 
 
+class RecordingEstimates:
+    """An EstimatesSink whose estimator is done at the second question."""
+
+    def __init__(self, calls: list[tuple[str, Any]]) -> None:
+        self._calls = calls
+        self._asked = 0
+        self.shown: str | None = None
+
+    def again(self, estimator: str, gains: tuple[float, float] | None) -> int:
+        self._calls.append(("again", (estimator, gains)))
+        self._asked = 0
+        return 7
+
+    def result(self, recording: str, key: int) -> dict[str, Any]:
+        assert (recording, key) == (self.shown, 7)
+        self._asked += 1
+        if self._asked == 1:
+            return {"state": "running"}
+        forces = [[float(index), 0.0, -2.0] for index in range(100)]
+        numbers = {"difference_rms_n": 1.5, "error_rms_n": 0.5, "error_then_rms_n": 2.0}
+        named = {"state": "done", "estimator": "adaptive", "gains": {"k1": 12.0, "k2": 80.0}, "message": None}
+        return {**named, **numbers, "time_s": [0.02 * index for index in range(100)], "force_n": forces}
+
+
 class RecordingSink:
     """Records every call as (method, argument) in `calls`, and raises `refusal` where there is one."""
 
@@ -95,6 +119,7 @@ class RecordingSink:
         self.refusal: Exception | None = None
         self.past = RecordingPast(self.calls)
         self.recordings = RecordingRecordings(self.calls)
+        self.estimates = RecordingEstimates(self.calls)
 
     def available(self) -> dict[str, Any]:
         return {

@@ -5,6 +5,8 @@ import pytest
 import viser
 
 from tests.web.recording_sink import RecordingSink
+from web.again_panel import AgainPanel
+from web.charts import ForceHistory
 from web.ghost import Ghost
 from web.history_panel import HistoryPanel
 from web.other_future import OtherFuture
@@ -113,3 +115,28 @@ def test_a_recording_that_is_shown_says_so(server: viser.ViserServer, sink: Reco
     panel.update(snapshot)
     assert panel.time.visible
     assert "Nothing is sent to any robot" in panel.note.content
+
+
+def test_what_an_estimator_says_again_goes_into_the_charts_of_the_recording_that_it_ran_over(
+    server: viser.ViserServer, sink: RecordingSink, snapshot: np.void
+) -> None:
+    panel = AgainPanel(server.gui, sink)
+    panel.update()
+    assert not panel.folder.visible
+    sink.estimates.shown = "20261128-b"
+    panel.update()
+    assert panel.folder.visible
+    panel.estimator.value, panel.gains.value = "adaptive", (12.0, 80.0)
+    panel.run()
+    assert sink.calls[-1] == ("again", ("adaptive", (12.0, 80.0)))
+    assert "12, 80: 1.50 N rms from what was estimated then; 0.50 N from the truth, then 2.00 N" in panel.note.content
+    history = ForceHistory()
+    for time_s in (0.5, 1.0, 1.5, 3.0):
+        history.append(at(snapshot, time_s))
+    other = history.series(0, panel)[-1]
+    assert other[-4:-1].tolist() == [25.0, 50.0, 75.0]
+    assert np.isnan(other[-1]), "it ends after two seconds"
+    sink.estimates.shown = "20261128-a"
+    panel.update()
+    assert not panel.ready
+    assert np.isnan(panel.force_estimated_n(np.array([1.0]))).all()

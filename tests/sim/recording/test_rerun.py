@@ -1,5 +1,6 @@
 """A recording gives back what was recorded, and its pipeline run again gives the same bits."""
 
+import csv
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ from control.timing import TICK_S
 from sim.recording.reader import Recording, RecordingFormatError
 from sim.recording.rerun import reestimate, rerun
 from sim.runtime.simulation import Simulation, SimulationConfig
+from sim.sweep import main
 from tests.sim.recording.recorded import record
 from tests.sim.runtime.test_state_capture import run
 
@@ -30,7 +32,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> tuple[Recording, list
     session = Simulation(SimulationConfig(scene="box", seed=9))
     run(session, 0, BEFORE)
     path: Path = tmp_path_factory.mktemp("recording") / "a.mcap"
-    snapshots = record(session, path, TICKS, DEEDS)
+    snapshots = record(session, path, TICKS, DEEDS, keyframes_every=60)
     return Recording(path), snapshots
 
 
@@ -47,6 +49,20 @@ def test_the_pipeline_gives_the_recorded_bits_again(recording: tuple[Recording, 
 
 
 @pytest.mark.slow
+def test_from_any_keyframe_the_pipeline_gives_the_recorded_bits_again(recording: tuple[Recording, list[np.void]]) -> None:
+    whole, _ = recording
+    assert len(whole.keyframes) >= 3
+    for tick, after in zip(whole.keyframes, (*whole.keyframes[1:], TICKS), strict=True):
+        part = Recording(whole.path, TICK_S * (after - 1), TICK_S * (after + 20))
+        assert part.first_tick == tick
+        again, recorded = rerun(part), whole.estimates_n()[tick : after + 20]
+        assert again.estimates_n.tobytes() == recorded.tobytes(), tick
+        targets = np.ascontiguousarray(whole.targets()["body"]["position"][tick : after + 20])
+        assert again.target_position.tobytes() == targets.tobytes(), tick
+        part.close()
+
+
+@pytest.mark.slow
 def test_one_estimator_alone_gives_what_it_gave_in_the_pipeline(recording: tuple[Recording, list[np.void]]) -> None:
     read, _ = recording
     first = read.estimators.index("gmo_cqp")
@@ -58,6 +74,20 @@ def test_one_estimator_alone_gives_what_it_gave_in_the_pipeline(recording: tuple
     np.testing.assert_array_equal(alone[shown], recorded[shown])
     retuned = np.array([estimate.force_estimated_n for estimate in reestimate(read, "gmo_cqp", (12.0, 80.0))])[:130]
     assert np.abs(retuned - alone).max() > 0.05
+
+
+@pytest.mark.slow
+def test_a_sweep_goes_from_keyframe_to_keyframe(recording: tuple[Recording, list[np.void]], tmp_path: Path) -> None:
+    whole, _ = recording
+    words = ["--out", str(tmp_path), "--recording", str(whole.path), "--grid", "estimator=gmo_pi", "gains=6:20,12:80"]
+    assert main(words) == 0
+    with (tmp_path / "table.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 2 * len(whole.keyframes)
+    assert sum(float(row["robot_minutes"]) for row in rows) == pytest.approx(2 * TICKS * TICK_S / 60.0)
+    assert {float(row["from_s"]) for row in rows} == {TICK_S * tick for tick in whole.keyframes}
+    assert all(0.0 < float(row["error_rms_n"]) < 100.0 for row in rows)
+    assert main(["--out", str(tmp_path), "--recording", str(tmp_path / "none.mcap"), "--grid", "estimator=gmo_pi"]) == 2
 
 
 def test_snapshots_come_back_to_the_byte(recording: tuple[Recording, list[np.void]]) -> None:

@@ -9,9 +9,9 @@ from mcap.reader import make_reader
 from sim.recording import tap as tap_module
 from sim.recording.body_tree import BodyTree
 from sim.recording.description import Description
-from sim.recording.recorder import Drain, RecordingWriter
-from sim.recording.ring import Ring
-from sim.recording.tap import TICK, TICK_SLOTS, Tap
+from sim.recording.recorder import CHUNK_TICKS, Drain, RecordingWriter
+from sim.recording.ring import Ring, bytes_of
+from sim.recording.tap import TICK, TICK_SLOTS, Heads, Tap
 
 DTYPE = np.dtype([("value", "f8"), ("odd", "u1")])
 RUN = {"name": "gap", "note": "", "started": "", "scene": "free", "estimators": "hybrid"}
@@ -19,10 +19,10 @@ RUN = {"name": "gap", "note": "", "started": "", "scene": "free", "estimators": 
 
 def test_what_is_put_is_taken_once_and_in_order() -> None:
     ring = Ring(bytearray(Ring.size_of(DTYPE, 64)), DTYPE, 64)
-    record, taken, tail = np.zeros(1, DTYPE)[0], [], 0
+    record, taken, tail = np.zeros(1, DTYPE), [], 0
     for value in range(300):
         record["value"] = value
-        ring.put(record)
+        ring.put(bytes_of(record))
         if value % 37 == 0:
             batch = ring.take(tail, 1000)
             assert batch.missed == 0
@@ -34,10 +34,10 @@ def test_what_is_put_is_taken_once_and_in_order() -> None:
 
 def test_a_late_reader_learns_what_it_missed() -> None:
     ring = Ring(bytearray(Ring.size_of(DTYPE, 64)), DTYPE, 64)
-    record = np.zeros(1, DTYPE)[0]
+    record = np.zeros(1, DTYPE)
     for value in range(1000):
         record["value"] = value
-        ring.put(record)
+        ring.put(bytes_of(record))
     batch = ring.take(10, 1000)
     assert batch.missed == batch.first - 10
     assert batch.records["value"].tolist() == list(range(batch.first, 1000))
@@ -47,14 +47,14 @@ def test_a_late_reader_learns_what_it_missed() -> None:
 def test_a_held_up_recorder_leaves_a_counted_gap(tmp_path: Path) -> None:
     tap = Tap(tap_module.allocate())
     tap.start("gap")
-    writer = RecordingWriter(tmp_path / "gap.mcap", Description(RUN, ("hybrid",), ()), BodyTree.from_mjcf(), 10**18)
-    drain = Drain(tap, writer, 0, 0)
-    record = np.zeros(1, TICK)[0]
+    writer = RecordingWriter(tmp_path / "gap.mcap", Description(RUN, ("hybrid",), b""), BodyTree.from_mjcf(), 10**18)
+    drain = Drain(tap, writer, Heads())
+    record = np.zeros(1, TICK)
     for tick in range(TICK_SLOTS + 700):
         record["sensor_time_s"] = tick
-        tap.ticks.put(record)
+        tap.ticks.put(bytes_of(record))
         if tick == 299:
-            assert drain.turn(least=250)
+            assert drain.turn(least=CHUNK_TICKS)
     while drain.turn(least=1):
         pass
     writer.close()
@@ -66,6 +66,6 @@ def test_a_held_up_recorder_leaves_a_counted_gap(tmp_path: Path) -> None:
         assert summary.statistics is not None
         topics = {channel.topic: number for number, channel in summary.channels.items()}
         written = summary.statistics.channel_message_counts[topics["/sensors"]]
-    assert gap["first_tick"] == 300
+    assert gap["first_tick"] == CHUNK_TICKS
     assert gap["ticks"] == tap.missed > 300
     assert written + gap["ticks"] == TICK_SLOTS + 700
