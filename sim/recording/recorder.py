@@ -23,11 +23,10 @@ from control.paths import ROBOT_MJCF
 from sim.recording import messages
 from sim.recording.body_tree import BodyTree
 from sim.recording.description import STATE_TYPE, Description, keyframe_name
-from sim.recording.drawing import arrows, descriptors_of, robot_meshes
+from sim.recording.drawing import TransformEncoder, arrows, descriptors_of, robot_meshes
 from sim.recording.mcap_file import McapWriter
 from sim.recording.messages import INPUTS, SENSORS, STATE, TARGETS, TICK_NS, TRUTH
 from sim.recording.tap import KEYFRAME, PER_PERIOD, Heads, Tap
-from sim.recording.transforms import TransformEncoder
 from sim.recording.wire import MESSAGE_OPCODE
 
 POLL_S = 0.1

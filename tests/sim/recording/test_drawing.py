@@ -4,8 +4,7 @@ import numpy as np
 from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
 
 from sim.recording.body_tree import BodyTree
-from sim.recording.drawing import BASE, RESOLUTION, WORLD
-from sim.recording.transforms import HAND, TransformEncoder
+from sim.recording.drawing import BASE, HAND, RESOLUTION, WORLD, TransformEncoder
 from sim.runtime.snapshot import SNAPSHOT
 
 
