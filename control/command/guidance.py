@@ -43,8 +43,8 @@ class GuidanceConfig:
 
     dead_band_n: float = 2.0
     gentle_n: float = 10.0
-    forward_gain: float = 0.06
-    yaw_gain: float = 0.12
+    forward_gain: float = 0.08
+    yaw_gain: float = 0.16
     forward_limit_mps: float = 0.5
     yaw_limit_rps: float = 0.5
     smoothing_s: float = 0.08
