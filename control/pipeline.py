@@ -17,6 +17,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from control.baselines.baseline_controller import make_baselines
 from control.command.blocked_base import BlockedBase, BlockedBaseConfig
 from control.command.filter import CommandFilter
 from control.command.guidance import Guidance, GuidanceConfig
@@ -161,7 +162,7 @@ class Pipeline:
         self.bases = bases(self._estimators)
         self._observed = adaptive_of(self._estimators)
         self._controllers: dict[str, Controller] = {"model_based": ModelBasedController(self.model)}
-        self._controllers |= make_policies(config.policies, self.model)
+        self._controllers |= make_policies(config.policies, self.model) | make_baselines(config.policies)
         self.hand_load = HandLoad(config.identification, self.model, self._observed)
         self._filter = CommandFilter(config.limits)
         self._guidance = Guidance(config.guidance)

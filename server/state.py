@@ -104,6 +104,7 @@ def _end_effector(record: np.void) -> EndEffector:
         "orientation_wxyz": _vector(record["end_effector_orientation_wxyz"]),
         "force_estimated_n": _vector(record["force_estimated_n"]),
         "force_estimates_n": {name: _vector(record["force_estimates_n"][index]) for name, index in _estimators(record)},
+        "force_of_controller_n": _vector(record["force_of_controller_n"]),
         "force_true_n": _vector(record["force_true_n"]),
         "force_sigma_n": _vector(record["force_sigma_n"]),
     }

@@ -19,8 +19,9 @@ from control.policy.observation import EXTENDED_FORM, PAPER_FORM, RESIDUAL_FORM
 from control.policy.policy_weights import PolicyManifest
 from sim.processes.executors import EXECUTOR_NAMES, map_unordered
 from sim.training import fit_surrogate
-from sim.training.policy_training import PolicyTraining, PolicyTrainingConfig
+from sim.training.policy_training import PolicyTraining
 from sim.training.surrogate import SURROGATE_FILE
+from sim.training.training_run import PolicyTrainingConfig
 
 logger = logging.getLogger("train_policy")
 

@@ -56,6 +56,9 @@ def estimators_html(snapshot: np.void) -> str:
         ("To be mistrusted", "; ".join(FLAG_WORDS[flag] for flag in estimator_flags(snapshot)) or "no"),
         ("Estimated mass", f"{scale:.2f} of nominal{adapting}" if np.isfinite(scale) else "none"),
     ]
+    force = snapshot["force_of_controller_n"]
+    if np.isfinite(force).all():
+        own.insert(0, ("Of the controller itself", ", ".join(f"{value:.1f}" for value in force) + " N"))
     rows += [f'<tr><td>{what}</td><td align="right">{value}</td></tr>' for what, value in own]
     table = f'<table style="width:100%">{"".join(rows)}</table>'
     return f'<div style="{theme.SMALL_TEXT}" data-forcelens="estimators">Error against truth, rms over 5 s{table}</div>'

@@ -22,6 +22,7 @@ _VIEW = np.array([-0.63, 0.63, -0.45])
 """About where the first camera looks, heading frame: arrows spread across it, whatever their direction."""
 
 _SIDES = {"commanded": -1.0, "estimated": 0.0, "true": 1.0}
+_OF_CONTROLLER_SIDE = -0.5
 _COLORS = {"commanded": theme.COMMANDED, "estimated": theme.ESTIMATED, "true": theme.TRUE}
 _FIRST_OTHER_SIDE, _OTHERS_APART = 1.7, 0.5
 """Where the estimates that are not selected stand, and how far apart, in the unit of _SIDES."""
@@ -87,12 +88,14 @@ class ForceArrows:
     Attributes:
         arrows: commanded, estimated and true.
         others: the estimates that are not selected, thin, in the order of the snapshot; switched off at first.
+        of_controller: the estimate that the controller makes itself, where it does.
     """
 
     def __init__(self, server: viser.ViserServer) -> None:
         self.arrows = {name: Arrows(server, f"/forces/{name}", [color], 0.0075) for name, color in _COLORS.items()}
         self.others = Arrows(server, "/forces/estimates", theme.ESTIMATORS, 0.003)
         self.others.enabled = False
+        self.of_controller = Arrows(server, "/forces/controller", [theme.OF_CONTROLLER], 0.005)
         self.uncertainty = UncertaintyCone(server)
 
     def update(self, snapshot: np.void) -> None:
@@ -108,6 +111,9 @@ class ForceArrows:
         for name, force in forces.items():
             origin = hand + to_world @ (_SIDES[name] * sideways(force))
             self.arrows[name].draw(origin[None], METERS_PER_NEWTON * (to_world @ force)[None], _shown(force[None]))
+        own = snapshot["force_of_controller_n"]
+        beside = hand + to_world @ (_OF_CONTROLLER_SIDE * sideways(own))
+        self.of_controller.draw(beside[None], METERS_PER_NEWTON * (to_world @ own)[None], _shown(own[None]))
         if self.others.enabled or self.others.visible:
             self._draw_others(snapshot, hand, to_world)
         self._draw_uncertainty(snapshot, hand, to_world)
@@ -130,7 +136,7 @@ class ForceArrows:
 
     def hide(self) -> None:
         """Draw nothing: there is no live snapshot."""
-        for arrows in (*self.arrows.values(), self.others):
+        for arrows in (*self.arrows.values(), self.others, self.of_controller):
             arrows.hide()
         self.uncertainty.hide()
 

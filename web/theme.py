@@ -27,6 +27,9 @@ ESTIMATORS: tuple[RGB, ...] = (
 )
 """One per estimator, in the order of the snapshot."""
 
+OF_CONTROLLER: RGB = (120, 220, 230)
+"""Of a force that the controller itself estimates."""
+
 SHOWN_SIGMAS = 2.0
 """Half-width of what shows the uncertainty of an estimate, in standard deviations."""
 

@@ -72,6 +72,8 @@ class EndEffector(Answer):
     """N, heading, by the selected estimator: what the controller feels"""
     force_estimates_n: dict[str, Vector3 | None]
     """N, heading, by the name of each estimator; null before its first"""
+    force_of_controller_n: Vector3 | None
+    """N, heading, by the controller itself, which looks at no estimator then; null where it makes none"""
     force_true_n: Vector3 | None
     """N, heading, from the simulator; null on hardware"""
     force_sigma_n: Vector3 | None

@@ -96,6 +96,7 @@ def case_rows(case: str, setup: TrialSetup, errors: Errors) -> list[Row]:
         "settled_position_cm": settled_position_cm(errors),
         "settled_orientation_deg": float(np.degrees(rms(np.array(errors.orientation)))),
         "rmse_estimate_n": rms(np.array(errors.estimate)),
+        "rmse_own_estimate_n": rms(np.array(errors.own)),
         "overshoot_median_n": float(np.median(errors.overshoot)) if errors.overshoot else None,
         "overshoot_p95_n": float(np.percentile(errors.overshoot, 95)) if errors.overshoot else None,
         "power_w": float(np.mean(errors.power)) if errors.power else None,

@@ -19,7 +19,8 @@ from control.joints import JOINT_COUNT
 from control.learning.policy.ppo import PpoConfig
 from sim.benchmarks.report import Report, Row, argument_parser, at_least
 from sim.training.env import TrainingEnv, TrainingEnvConfig
-from sim.training.policy_training import PolicyTrainingConfig, make_learner
+from sim.training.policy_training import make_learner
+from sim.training.training_run import PolicyTrainingConfig
 
 
 def measure(count: int, seed: int, turns: int) -> Row:

@@ -86,6 +86,7 @@ SNAPSHOT = np.dtype(
         ("force_true_n", "f8", 3),
         ("estimator_names", NAME, MAX_ESTIMATORS),
         ("force_estimates_n", "f8", (MAX_ESTIMATORS, 3)),
+        ("force_of_controller_n", "f8", 3),  # estimated by the controller itself, in heading; NaN where it does not
         ("force_errors_rms_n", "f8", MAX_ESTIMATORS),  # N, last seconds, vector error against truth
         ("wheel_in_contact", "?", len(LEGS)),
         ("wheel_force_estimated_n", "f8", (len(LEGS), 3)),

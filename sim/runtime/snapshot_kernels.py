@@ -279,10 +279,11 @@ def put_hand_load(numbers: np.ndarray, mass: float, center: np.ndarray, progress
         record.tool_center_of_mass[i], record.tare_n[i] = center[i], tare[i]
 
 
-@kernel("void(Snapshot[::1], Array(f4, 1, 'A', readonly=True), vector)", Snapshot=NUMBERS)
-def put_policy(numbers: np.ndarray, observation: np.ndarray, action: np.ndarray) -> None:
-    """Observation (o,) and action (22,) of a policy, or nothing of both; zeros beyond."""
+@kernel("void(Snapshot[::1], Array(f4, 1, 'A', readonly=True), vector, vector)", Snapshot=NUMBERS)
+def put_policy(numbers: np.ndarray, observation: np.ndarray, action: np.ndarray, own_force: np.ndarray) -> None:
+    """Observation (o,) and action (22,) of a policy, or nothing of both, zeros beyond; force (3,), N, that it estimates."""
     record = numbers[0]
+    record.force_of_controller_n[:] = own_force
     for i in range(len(record.policy_observation)):
         record.policy_observation[i] = observation[i] if i < len(observation) else np.float32(0.0)
     for i in range(len(record.policy_action)):

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from control.baselines.baseline_controller import BaselineController
 from control.faults import Fault
 from control.hand_load.load import HandLoadState
 from control.joints import LEGS
@@ -172,10 +173,11 @@ def write_hand_load(record: np.void, numbers: np.ndarray, load: HandLoadState) -
 
 
 def write_policy(record: np.void, numbers: np.ndarray, controller: Controller) -> None:
-    """What the selected controller observed and did, if it is a policy."""
+    """What the selected controller observed and did, if it is a policy, and what force it estimates, if it does."""
+    own = controller.force_estimated_n if isinstance(controller, BaselineController) else _UNKNOWN
     if isinstance(controller, PolicyController):
         record["policy_form"] = controller.manifest.form
-        put_policy(numbers, controller.observation, controller.action)
+        put_policy(numbers, controller.observation, controller.action, own)
     else:
         record["policy_form"] = b""
-        put_policy(numbers, _NOTHING_OBSERVED, _NOTHING_DONE)
+        put_policy(numbers, _NOTHING_OBSERVED, _NOTHING_DONE, own)

@@ -133,21 +133,40 @@ class ContactEnvironment:
         """(n, 3) N/m; zero on position axes and where nothing springs back."""
         return self._stiffness
 
+    def anchors(self) -> np.ndarray:
+        """(n, 3) m, in heading: what springs pull the hand to; on axes without a spring, the reference of the hand."""
+        robot = self._robot
+        (origin, rotation), (anchor, _) = self._frame(), self._anchor()
+        base = robot.base_position * [1.0, 1.0, 0.0]
+        tied = rotate_back(robot.rotation_heading_to_world, origin + rotate(rotation, anchor) - base)
+        return np.where(self._stiffness > 0.0, tied, self._source.commands["position_m"])
+
+    def _frame(self) -> tuple[np.ndarray, np.ndarray]:
+        """Origin (n, 3) m and axes (n, 3, 3), to world, that the surroundings are given in."""
+        robot, rides = self._robot, self._rides[:, None]
+        origin = np.where(rides, robot.base_position * [1.0, 1.0, 0.0], self._origin)
+        return origin, np.where(rides[:, :, None], robot.rotation_heading_to_world, self._rotation)
+
+    def _anchor(self) -> tuple[np.ndarray, np.ndarray]:
+        """Anchors (n, 3) m in their frame, and the share (n, 1) of their glide that is done."""
+        time = self._source.time_s[:, None]
+        share = np.minimum(1.0, time / self._glide_s[:, None])
+        return self._start + share * self._glide + self._swing * np.sin(self._swing_rate[:, None] * time), share
+
     def force(self) -> np.ndarray:
         """Force (n, 3), N, in world, on every hand now."""
         ranges, robot, time = self._ranges, self._robot, self._source.time_s[:, None]
         rides = self._rides[:, None]
-        base = robot.base_position * [1.0, 1.0, 0.0]
-        origin = np.where(rides, base, self._origin)
-        rotation = np.where(rides[:, :, None], robot.rotation_heading_to_world, self._rotation)
+        origin, rotation = self._frame()
         # Something that rides along moves with the heading frame.
         turn = robot.base_angular_velocity * [0.0, 0.0, 1.0]
-        carried = robot.base_linear_velocity * [1.0, 1.0, 0.0] + cross(turn, robot.hand_position - base)
+        carried = robot.base_linear_velocity * [1.0, 1.0, 0.0] + cross(
+            turn, robot.hand_position - robot.base_position * [1.0, 1.0, 0.0]
+        )
         velocity = rotate_back(rotation, robot.hand_velocity - rides * carried)
         ahead = rotate_back(rotation, robot.hand_position - origin) + TIMESTEP_S * velocity
 
-        share = np.minimum(1.0, time / self._glide_s[:, None])
-        anchor = self._start + share * self._glide + self._swing * np.sin(self._swing_rate[:, None] * time)
+        anchor, share = self._anchor()
         anchor_velocity = np.where(share < 1.0, self._glide / self._glide_s[:, None], 0.0)
         force = self._stiffness * (anchor - ahead) + self._damping * (anchor_velocity - velocity)
         travel = ahead - self._start

@@ -166,7 +166,7 @@ class TrainingEnv:
         change, self._action = action - self._action, action
         self._phase = advance_phase(self._phase)
         state = self._judge(change)
-        reward = rewards(config.rewards, state)
+        reward = self._reward(state)
         mask, segment_s = self.references.applied["mask"].copy(), self.source.time_s.copy()
 
         self._age_s += CONTROL_PERIOD_S
@@ -314,6 +314,9 @@ class TrainingEnv:
             # Written so that a state that is not a number counts as fallen.
             fallen=~((gravity[:, 2] <= self.config.fallen_gravity_z) & (height >= self.config.fallen_height_m)),
         )
+
+    def _reward(self, state: RewardInput) -> np.ndarray:
+        return rewards(self.config.rewards, state)
 
     def _true_hand(self) -> np.ndarray:
         robot = self.robot

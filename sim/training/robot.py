@@ -87,6 +87,7 @@ class BatchedRobot:
         rolling_velocity: (n, 3) m/s, see KINEMATICS.
         terms: BODY_TERMS (n,), changed in place.
         mass_scale: (n,) total mass over nominal; mass_scales (n, 2) of the arm and of the rest.
+        gain_scales: (n, 2) mean stiffness and damping of the drives over nominal. wheel_friction: (n,).
     """
 
     base_position: np.ndarray
@@ -240,14 +241,17 @@ class BatchedRobot:
         self.mass_scales = masses @ parts.T / (parts @ self._nominal_masses)
         friction = batch.expand("geom_friction")
         wheels = [model.geom(f"{leg}_wheel").id for leg in LEGS]
-        friction[:, wheels, 0] = random.uniform(*config.wheel_friction, (count, 1))
+        self.wheel_friction = random.uniform(*config.wheel_friction, count)
+        friction[:, wheels, 0] = self.wheel_friction[:, None]
         gains, biases = batch.expand("actuator_gainprm"), batch.expand("actuator_biasprm")
         stiffness = random.uniform(*config.gain_scale, (count, model.nu))
         gains[:, :, 0] *= stiffness
         biases[:, :, 1] *= stiffness
         # A wheel's gain is its damping: both must scale alike or its velocity would be off.
         is_wheel = np.isin(np.arange(model.nu), self._actuators[WHEEL_SLICE])
-        biases[:, :, 2] *= np.where(is_wheel, stiffness, random.uniform(*config.gain_scale, (count, model.nu)))
+        damping = np.where(is_wheel, stiffness, random.uniform(*config.gain_scale, (count, model.nu)))
+        biases[:, :, 2] *= damping
+        self.gain_scales = np.stack([stiffness.mean(axis=1), damping.mean(axis=1)], axis=1)
         dry = random.uniform(*config.dry_friction_nm, count) * (random.random(count) < config.dry_friction_share)
         frictionloss = batch.expand("dof_frictionloss")
         frictionloss[:, self._dof_rows] = dry[:, None]

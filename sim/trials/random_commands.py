@@ -22,8 +22,8 @@ class Errors:
     """Errors of a random run, one entry per controller period: NaN where an axis is in the other mode.
 
     `force[mask, level]` (n, 3) N, `position` (n, 3) m, `orientation` (n,) rad, `forward` (n,) m/s, `yaw` (n,) rad/s,
-    `estimate` (n, 3) N, `power` (n,) W of all drives, `overshoot` N per axis that changed to force control: the largest
-    error beyond the reference in its first second.
+    `estimate` (n, 3) N, `own` the same of the controller's own estimate, where it makes one, `power` (n,) W of all drives,
+    `overshoot` N per axis that changed to force control: the largest error beyond the reference in its first second.
     """
 
     force: dict[tuple[str, float], list[np.ndarray]] = field(default_factory=dict)
@@ -32,6 +32,7 @@ class Errors:
     forward: list[float] = field(default_factory=list)
     yaw: list[float] = field(default_factory=list)
     estimate: list[np.ndarray] = field(default_factory=list)
+    own: list[np.ndarray] = field(default_factory=list)
     power: list[float] = field(default_factory=list)
     overshoot: list[float] = field(default_factory=list)
     falls: int = 0
@@ -47,7 +48,7 @@ class Errors:
         """Take in another run."""
         for key, errors in other.force.items():
             self.force.setdefault(key, []).extend(errors)
-        for name in ("position", "orientation", "forward", "yaw", "estimate", "power", "overshoot"):
+        for name in ("position", "orientation", "forward", "yaw", "estimate", "own", "power", "overshoot"):
             getattr(self, name).extend(getattr(other, name))
         self.falls += other.falls
         self.pushes += other.pushes
@@ -93,6 +94,8 @@ def _run_segment(trial: Trial, command: Command, seconds: float, level: float, l
         else:
             force.append(np.where(on_force, error, np.nan))
             errors.estimate.append(output.hand.force_estimated_n - truth.force_true_n)
+            if (own := trial.own_force_n) is not None:
+                errors.own.append(own - truth.force_true_n)
             forward = truth.base_linear_velocity @ truth.rotation_heading_to_world[:, 0]
             errors.forward.append(float(forward - command.base_velocity[0]))
             errors.yaw.append(float(truth.base_angular_velocity[2] - command.base_velocity[2]))

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
+from control.baselines.baseline_controller import BaselineController, make_baseline
+from control.baselines.baseline_weights import available_baselines
 from control.command.limits import DEFAULT_COMMAND
 from control.estimation.registry import LEARNED_NAMES, EstimatorsConfig
 from control.pipeline import PipelineConfig
@@ -48,10 +50,12 @@ class TrialSetup:
 
 
 def controller_setups(directory: Path) -> dict[str, TrialSetup]:
-    """What there is to try, by name: the model-based controller, and the policies of `directory` whatever they scored."""
+    """What can be tried, by name: the model-based controller, policies and baselines of `directory`, whatever they scored."""
     setups = {"model_based": TrialSetup()}
     for name in available_policies(directory):
         setups[name] = TrialSetup(controller=name, make=partial(make_policy, directory, name))
+    for name in available_baselines(directory):
+        setups[name] = TrialSetup(controller=name, make=partial(make_baseline, directory, name))
     return setups
 
 
@@ -113,6 +117,13 @@ class Trial:
         floor_normal = self.session.backend.data.geom("floor").xmat.reshape(3, 3)[:, 2]  # the floor holds the origin
         low = floor_normal @ self.truth.base_position < FALLEN_HEIGHT_M
         return bool(up < FALLEN_UP_COSINE or low or self.session.output.safety.damping)
+
+    @property
+    def own_force_n(self) -> np.ndarray | None:
+        """(3,) N, environment on hand, in heading, as the controller itself estimates it; None where it does not."""
+        pipeline = self.session.pipeline
+        controller = pipeline.controllers[pipeline.controller_name]
+        return controller.force_estimated_n if isinstance(controller, BaselineController) else None
 
     def run(self, command: Command, seconds: float) -> Iterator[float]:
         """Tick under a command; yields the elapsed time, s, every controller period.

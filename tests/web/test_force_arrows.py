@@ -125,3 +125,15 @@ def test_a_switched_off_group_stays_hidden(server: viser.ViserServer) -> None:
     arrows.enabled = False
     arrows.draw(np.zeros((1, 3)), np.ones((1, 3)), np.array([True]))
     assert not arrows.visible
+
+
+def test_what_the_controller_estimates_itself_stands_beside_the_others(arrows: ForceArrows, snapshot: np.void) -> None:
+    snapshot["force_estimated_n"] = [0.0, 0.0, 10.0]
+    snapshot["force_of_controller_n"] = np.nan
+    arrows.update(snapshot)
+    assert not arrows.of_controller.visible
+    snapshot["force_of_controller_n"] = [0.0, 0.0, 12.0]
+    arrows.update(snapshot)
+    start, end = segment(arrows.of_controller)
+    np.testing.assert_allclose(end - start, [0.0, 0.0, 12.0 * METERS_PER_NEWTON], atol=1e-6)
+    assert min(np.linalg.norm(start - segment(each)[0]) for each in arrows.arrows.values() if each.visible) > 0.01

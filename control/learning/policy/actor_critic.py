@@ -23,7 +23,7 @@ class _RoundedTrunk(torch.autograd.Function):
 
     @staticmethod
     def forward(ctx: Any, inputs: torch.Tensor, dtype: torch.dtype, *parameters: torch.Tensor) -> torch.Tensor:
-        """Features (n, out) in `dtype` of inputs (n, in), no gradient; `parameters` are the layers' weights and biases."""
+        """Features (n, out) in `dtype` of inputs (n, in); `parameters` are the layers' weights and biases."""
         weights, biases = parameters[::2], parameters[1::2]
         values = inputs.to(dtype)
         rounded = [values.bfloat16()]
@@ -42,9 +42,9 @@ class _RoundedTrunk(torch.autograd.Function):
             # From the output of ELU, not its input.
             gradient = torch.ops.aten.elu_backward(gradient, 1.0, 1.0, 1.0, True, rounded[layer + 1])
             of_parameters = [gradient.t() @ rounded[layer], gradient.sum(dim=0, dtype=torch.float32), *of_parameters]
-            if layer:
+            if layer or ctx.needs_input_grad[0]:
                 gradient = gradient @ weights[layer].bfloat16()
-        return None, None, *of_parameters
+        return gradient.float() if ctx.needs_input_grad[0] else None, None, *of_parameters
 
 
 def mlp(inputs: int, hidden: tuple[int, ...]) -> nn.Sequential:
@@ -110,6 +110,14 @@ class ActorCritic(nn.Module):
     def deviate(self, last: torch.Tensor, memory: float) -> torch.Tensor:
         """Random deviations (n, a) from the mean, after those of the step before."""
         return memory * last + math.sqrt(1.0 - memory**2) * torch.exp(self.log_std) * torch.randn_like(last)
+
+    def imitation_parameters(self) -> list[nn.Parameter]:
+        """What imitation trains."""
+        return [*self.actor_trunk.parameters(), *self.actor_head.parameters()]
+
+    def imitation_loss(self, observations: torch.Tensor, labels: torch.Tensor) -> torch.Tensor:
+        """Huber loss of the mean actions against the teacher's, `labels` (n, a)."""
+        return nn.functional.huber_loss(self.mean(observations, imitating=True), labels)
 
     def actor_parameters(self) -> list[nn.Parameter]:
         """What the policy gradient trains."""

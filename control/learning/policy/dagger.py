@@ -2,10 +2,10 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 import torch
-from torch import nn
 
 from control.learning.policy.actor_critic import ActorCritic
 from control.learning.policy.vector_env import VectorEnv
@@ -58,15 +58,42 @@ class SampleRing:
         return self._observations[rows], self._actions[rows]
 
 
-def imitate(env: VectorEnv, network: ActorCritic, config: DaggerConfig, progress: Callable[[int, float], None]) -> float:
-    """Train the actor on the teacher's actions; `progress(step, loss)` is called every 50 steps. Returns the last loss."""
-    parameters = [*network.actor_trunk.parameters(), *network.actor_head.parameters()]
-    optimizer = torch.optim.Adam(parameters, config.learning_rate, fused=True)
+class Samples(Protocol):
+    """What has been seen and what the teacher did, see SampleRing."""
+
+    def add(self, observations: torch.Tensor, actions: torch.Tensor) -> None:
+        """Append samples (n, o) and (n, a)."""
+        ...
+
+    def draw(self, size: int) -> tuple[torch.Tensor, torch.Tensor]:
+        """Random samples: observations, and labels as the network's imitation loss takes them."""
+        ...
+
+
+def imitate(
+    env: VectorEnv,
+    network: ActorCritic,
+    config: DaggerConfig,
+    progress: Callable[[int, float], None],
+    samples: Samples | None = None,
+    start: int = 0,
+) -> float:
+    """Train the actor on the teacher's actions; `progress(step, loss)` is called every 50 steps. Returns the last loss.
+
+    Args:
+        env: of the robots.
+        network: to train.
+        config: of the imitation.
+        progress: called with the steps done and the running loss.
+        samples: to collect in; a SampleRing by default.
+        start: steps done before, of an imitation that was cut off; its samples are collected anew.
+    """
+    optimizer = torch.optim.Adam(network.imitation_parameters(), config.learning_rate, fused=True)
     count, size = env.observation.shape
-    ring: SampleRing | None = None
+    ring = samples
     generator = np.random.default_rng(int(torch.randint(0, 2**31, ()).item()))
     loss_mean = float("nan")
-    for step in range(config.steps):
+    for step in range(start, config.steps):
         observation = torch.from_numpy(env.observation)
         label = env.teacher_action()
         if ring is None:
@@ -82,7 +109,7 @@ def imitate(env: VectorEnv, network: ActorCritic, config: DaggerConfig, progress
         loss = torch.zeros(())
         for _ in range(config.updates):
             observations, actions = ring.draw(config.batch)
-            loss = nn.functional.huber_loss(network.mean(observations, imitating=True), actions)
+            loss = network.imitation_loss(observations, actions)
             optimizer.zero_grad(set_to_none=True)
             loss.backward()
             optimizer.step()

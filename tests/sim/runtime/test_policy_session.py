@@ -7,6 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from control.baselines.baseline_controller import BaselineController
+from control.baselines.baseline_weights import load_baseline
 from control.command.limits import DEFAULT_COMMAND
 from control.joints import JOINT_COUNT, LEG_SLICE
 from control.pipeline import PipelineConfig
@@ -14,6 +16,7 @@ from control.policy.observation import EXTENDED_FORM, RESIDUAL_FORM, Observation
 from control.policy.policy_weights import PolicyManifest, interface, save_policy
 from sim.runtime.simulation import Simulation, SimulationConfig
 from sim.runtime.snapshot import SNAPSHOT, Mode
+from tests.control.baselines.test_baselines import write_baseline
 
 COMMAND = replace(
     DEFAULT_COMMAND,
@@ -100,3 +103,20 @@ def test_the_snapshot_shows_what_the_selected_policy_observes_and_does(tmp_path:
     torques(session, 10)
     session.fill(snapshot)
     assert snapshot["policy_form"] == b""
+
+
+def test_the_snapshot_shows_the_force_that_the_selected_controller_estimates_itself(tmp_path: Path) -> None:
+    repeat(tmp_path)
+    session, snapshot = moving(tmp_path), np.zeros(1, SNAPSHOT)[0]
+    write_baseline(tmp_path, "portela")
+    baseline = BaselineController(*load_baseline("portela", tmp_path))
+    session.pipeline.add_controller("portela", baseline)
+    session.select_controller("portela")
+    torques(session, 10)
+    session.fill(snapshot)
+    assert baseline.force_estimated_n.any()
+    np.testing.assert_array_equal(snapshot["force_of_controller_n"], baseline.force_estimated_n)
+    session.select_controller("model_based")
+    torques(session, 10)
+    session.fill(snapshot)
+    assert np.isnan(snapshot["force_of_controller_n"]).all()

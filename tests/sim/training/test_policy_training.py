@@ -12,7 +12,8 @@ from control.learning.policy.ppo import PpoConfig
 from control.policy.observation import EXTENDED_FORM, RESIDUAL_FORM
 from control.policy.policy_weights import load_policy
 from sim.training import policy_training
-from sim.training.policy_training import PolicyTraining, PolicyTrainingConfig, RunError
+from sim.training.policy_training import PolicyTraining
+from sim.training.training_run import PolicyTrainingConfig, RunError
 from sim.trials.policy_score import Score
 
 TINY = PolicyTrainingConfig(

@@ -1,0 +1,1 @@
+"""The baselines in the batched training world: their observations, estimation targets and rewards."""
