@@ -35,7 +35,7 @@ class FakeSession(Simulation):
         self.pipeline = SimpleNamespace(controller_names=("model_based",), estimator_names=("adaptive",))
         self._backend = SimpleNamespace(close=lambda: None)
         self.command_sequence = 0
-        self.command = DEFAULT_COMMAND
+        self._command = DEFAULT_COMMAND
         self.dragged = False
         self.pipeline_resets = 0
         self.tasks = SimpleNamespace(running=False)
@@ -60,7 +60,7 @@ class FakeSession(Simulation):
         self.time_s += TICK_S
         self.ages_s = [*self.ages_s[-9:], age_s]
         self.command_sequence = int(setpoint["sequence"])
-        self.command = command_from_record(setpoint["command"])
+        self._command = command_from_record(setpoint["command"])
         self.dragged = bool(setpoint["drag_active"])
 
     def track_errors(self, interval_s: float) -> None:
