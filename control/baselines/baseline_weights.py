@@ -12,8 +12,8 @@ from control.baselines.portela import Portela
 from control.baselines.zhi import Zhi
 from control.paths import WEIGHTS_DIRECTORY
 from control.policy.observation import PAPER_FORM
-from control.policy.policy_weights import PolicyWeightsError, interface
-from control.weights_file import load_arrays, save_weights, sha256
+from control.policy.policy_weights import PolicyWeightsError, interface, require_hash, require_interface, weight_files
+from control.weights_file import load_arrays, save_weights
 
 SCHEMA = 1
 METHODS: dict[str, Method] = {method.name: method for method in (Portela(), Zhi())}
@@ -72,13 +72,9 @@ def load_baseline(name: str, directory: Path = WEIGHTS_DIRECTORY) -> tuple[Basel
     Raises:
         PolicyWeightsError: a file is missing or damaged, or was made for another interface or shape.
     """
-    path, weights = directory / f"{name}.json", directory / f"{name}.npz"
-    for needed in (path, weights):
-        if not needed.is_file():
-            raise PolicyWeightsError(needed, "the file is missing")
+    path, weights = weight_files(directory, name)
     manifest = read_baseline(path)
-    if sha256(weights) != manifest.sha256:
-        raise PolicyWeightsError(weights, f"its sha256 is not {manifest.sha256[:12]}..., which the manifest states")
+    require_hash(weights, manifest.sha256)
     try:
         return manifest, METHODS[manifest.method].network(load_arrays(weights))
     except ValueError as error:
@@ -100,9 +96,7 @@ def read_baseline(path: Path) -> BaselineManifest:
         expected = baseline_interface(METHODS[manifest.method])
     except (KeyError, TypeError, ValueError) as error:
         raise PolicyWeightsError(path, f"the manifest cannot be read ({error})") from error
-    different = sorted(key for key in expected if manifest.interface.get(key) != expected[key])
-    if different:
-        raise PolicyWeightsError(path, f"it was trained with other {', '.join(different)} than those of this code")
+    require_interface(path, manifest.interface, expected)
     return manifest
 
 

@@ -81,19 +81,47 @@ def save_policy(directory: Path, manifest: PolicyManifest, arrays: dict[str, np.
     return save_weights(directory, manifest.name, {"schema": SCHEMA, **asdict(manifest)}, arrays)
 
 
+def weight_files(directory: Path, name: str) -> tuple[Path, Path]:
+    """Manifest and arrays of the weights `name`.
+
+    Raises:
+        PolicyWeightsError: either is missing.
+    """
+    path, weights = directory / f"{name}.json", directory / f"{name}.npz"
+    for needed in (path, weights):
+        if not needed.is_file():
+            raise PolicyWeightsError(needed, "the file is missing")
+    return path, weights
+
+
+def require_hash(weights: Path, stated: str) -> None:
+    """
+    Raises:
+        PolicyWeightsError: the file is not the one that its manifest states.
+    """
+    if sha256(weights) != stated:
+        raise PolicyWeightsError(weights, f"its sha256 is not {stated[:12]}..., which the manifest states")
+
+
+def require_interface(path: Path, stated: dict[str, Any], expected: dict[str, Any]) -> None:
+    """
+    Raises:
+        PolicyWeightsError: the manifest at `path` states another interface than this code has; the message names where.
+    """
+    different = sorted(key for key in expected if stated.get(key) != expected[key])
+    if different:
+        raise PolicyWeightsError(path, f"it was trained with other {', '.join(different)} than those of this code")
+
+
 def load_policy(name: str, directory: Path = WEIGHTS_DIRECTORY) -> tuple[PolicyManifest, Actor]:
     """The policy `name` of `directory`, checked against its manifest and against this code.
 
     Raises:
         PolicyWeightsError: a file is missing or damaged, or was made for another interface or shape.
     """
-    path, weights = directory / f"{name}.json", directory / f"{name}.npz"
-    for needed in (path, weights):
-        if not needed.is_file():
-            raise PolicyWeightsError(needed, "the file is missing")
+    path, weights = weight_files(directory, name)
     manifest = read_manifest(path)
-    if sha256(weights) != manifest.sha256:
-        raise PolicyWeightsError(weights, f"its sha256 is not {manifest.sha256[:12]}..., which the manifest states")
+    require_hash(weights, manifest.sha256)
     arrays = load_arrays(weights)
     try:
         return manifest, Actor(manifest.layers, arrays)
@@ -117,9 +145,7 @@ def read_manifest(path: Path) -> PolicyManifest:
         expected = interface(manifest.form)
     except (KeyError, TypeError, ValueError) as error:
         raise PolicyWeightsError(path, f"the manifest cannot be read ({error})") from error
-    different = sorted(key for key in expected if manifest.interface.get(key) != expected[key])
-    if different:
-        raise PolicyWeightsError(path, f"it was trained with other {', '.join(different)} than those of this code")
+    require_interface(path, manifest.interface, expected)
     if (manifest.layers[0], manifest.layers[-1]) != (Observation(manifest.form).size, JOINT_COUNT):
         raise PolicyWeightsError(path, f"layers {manifest.layers} do not lead from the observation to {JOINT_COUNT} joints")
     return manifest

@@ -6,6 +6,7 @@ What is trained is a kind of its own: the policy (sim.training.policy_training) 
 import json
 import logging
 import time
+from abc import ABC, abstractmethod
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -88,7 +89,7 @@ class RunError(RuntimeError):
     """A run folder belongs to another training."""
 
 
-class TrainingRun:
+class TrainingRun(ABC):
     """Network, learner, environment and log of one run, continued from the checkpoint in its folder; subclasses say of what."""
 
     def __init__(self, run: Path, config: PolicyTrainingConfig) -> None:
@@ -170,21 +171,22 @@ class TrainingRun:
         if not self.history["score"] or self.history["score"][-1]["steps"] != self.steps:
             self._score()
 
+    @abstractmethod
     def _learner(self) -> Ppo:
         """Network and learner to start with; draws from torch's random numbers."""
-        raise NotImplementedError
 
+    @abstractmethod
     def _environment(self, seed: int) -> TrainingEnv:
-        raise NotImplementedError
+        """The training world, drawn from a seed."""
 
     @property
+    @abstractmethod
     def _interface(self) -> dict[str, Any]:
         """What the network depends on, as plain JSON values."""
-        raise NotImplementedError
 
+    @abstractmethod
     def _judge(self, parameters: dict[str, torch.Tensor], seed: int) -> Score:
         """Score of a network with these parameters, on trials of `seed`."""
-        raise NotImplementedError
 
     def _compared_with(self) -> float | None:
         """Score that the curves show beside their own."""

@@ -3,6 +3,7 @@
 The critic sees the newest frame and the truth, as the policy's critic sees its observation and the truth.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 
 import numpy as np
@@ -17,7 +18,7 @@ from control.joints import JOINT_COUNT
 from control.learning.policy.actor_critic import CRITIC_HIDDEN, ActorCritic, mlp
 
 
-class BaselineActorCritic(ActorCritic):
+class BaselineActorCritic(ActorCritic, ABC):
     """Actor on a history (n, frames * frame size), oldest first, with an estimation head."""
 
     def __init__(self, method: Method, privileged: int, std: float | Sequence[float], bfloat16: bool) -> None:
@@ -28,9 +29,9 @@ class BaselineActorCritic(ActorCritic):
         self._privileged = privileged
         self.critic_trunk = mlp(method.frame_size + privileged, CRITIC_HIDDEN)
 
+    @abstractmethod
     def estimates(self, observation: torch.Tensor, imitating: bool = False) -> torch.Tensor:
         """Scaled estimates (n, targets)."""
-        raise NotImplementedError
 
     def values(self, observation: torch.Tensor, privileged: torch.Tensor) -> torch.Tensor:
         """(n, VALUE_HEADS)."""
@@ -40,9 +41,9 @@ class BaselineActorCritic(ActorCritic):
         """What the estimation loss trains; the policy gradient reaches those that lead to the action too."""
         return [parameter for name, parameter in self.named_parameters() if not name.startswith(_ACTING)]
 
+    @abstractmethod
     def actor_parameters(self) -> list[nn.Parameter]:
         """What the policy gradient trains."""
-        raise NotImplementedError
 
     def imitation_parameters(self) -> list[nn.Parameter]:
         """What imitation trains: the actor, and what is estimated meanwhile."""
@@ -57,9 +58,9 @@ class BaselineActorCritic(ActorCritic):
         """Mean square of the scaled estimates' errors; `targets` (n, targets)."""
         return nn.functional.mse_loss(self.estimates(observations, imitating), targets)
 
+    @abstractmethod
     def arrays(self) -> dict[str, np.ndarray]:
         """Weights as `Method.network` takes them."""
-        raise NotImplementedError
 
     def _newest(self, observation: torch.Tensor) -> torch.Tensor:
         return observation[:, -self.method.frame_size :]
