@@ -340,13 +340,18 @@ class Pipeline:
         command = self._guidance.step(command, hand, CONTROL_PERIOD_S)
         bearable = feasible_force_scale(hand.force_estimated_n, self.model, limits.tip_over_margin_m, mass_scale)
         relieved = bearable < 1.0 and not command.guidance
+        drive = command.base_velocity
         if relieved:
-            relief = relief_velocity(hand.force_estimated_n, bearable)
-            command = replace(command, base_velocity=command.base_velocity + relief)
+            drive = drive + relief_velocity(hand.force_estimated_n, bearable)
         velocity = self.model.rotation_heading_to_world.T @ base.rotation_base_to_world @ base.linear_velocity_in_base
         velocity[2] = base.angular_velocity_in_base[2]
-        free = self._blocked_base.step(command, self._applied.base_velocity, velocity, CONTROL_PERIOD_S)
-        blocked, command = free is not command, free
+        self._blocked_base.step(command.base_velocity, drive, self._applied.base_velocity, velocity, CONTROL_PERIOD_S)
+        if self._blocked_base.blocked:
+            free = self._blocked_base.free(drive)
+            self._filter.drive_no_faster(velocity, free != drive)
+            drive = free
+        if drive is not command.base_velocity:
+            command = replace(command, base_velocity=drive)
         if command is not self._asked:
             bounds = self._led_limits if command.guidance else limits
             self._asked, self._clipped = command, clip_command(command, bounds)
@@ -355,7 +360,7 @@ class Pipeline:
         asked = _NO_FORCE if command.guidance else command.mask * command.force_n
         share = feasible_force_scale(asked, self.model, limits.tip_over_margin_m, mass_scale)
         limited = Fault.TIP_OVER_LIMIT if relieved or share < 1.0 else Fault.NONE
-        if blocked:
+        if self._blocked_base.blocked:
             limited |= Fault.BASE_BLOCKED
         if share < 1.0:
             command = replace(command, force_n=share * command.force_n)

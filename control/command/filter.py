@@ -160,3 +160,9 @@ class CommandFilter:
         limits = self._guidance_limits if command.guidance else self._limits
         filter_commands(limits, to_record(command), position, force, dt_s, self._state)
         return from_record(self._state["applied"], command.guidance)
+
+    def drive_no_faster(self, velocity: np.ndarray, axes: np.ndarray) -> None:
+        """Let the base velocity reference fall to that of the base (3,) where `axes` (3,) says so: it is stopped by then."""
+        applied = self._state["applied"]["base_velocity"][0]
+        slower = np.clip(velocity, np.minimum(applied, 0.0), np.maximum(applied, 0.0))
+        applied[axes] = slower[axes]

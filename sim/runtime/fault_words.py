@@ -42,7 +42,7 @@ FAULT_WORDS: dict[Fault, str] = {
     Fault.ESTIMATOR_ERROR: "a force estimator failed",
     Fault.SELF_CONTACT_LIMIT: "the arm would touch the robot, so the hand stops",
     Fault.OUT_OF_REACH: "the hand cannot reach where it is asked to be",
-    Fault.BASE_BLOCKED: "the base does not move where it is driven, so it stops; drive the other way",
+    Fault.BASE_BLOCKED: "the base does not go where it is driven, so it stops; drive the other way",
 }
 
 FLAG_WORDS: dict[EstimatorFlag, str] = {
