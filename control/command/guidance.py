@@ -49,10 +49,10 @@ class GuidanceConfig:
     yaw_limit_rps: float = 0.5
     smoothing_s: float = 0.08
     centring_stiffness: float = 40.0
-    stretch_m: float = 0.10
+    stretch_m: float = 0.12
     stretch_stiffness: float = 150.0
-    end_m: float = 0.13
-    end_stiffness: float = 300.0
+    end_m: float = 0.16
+    end_stiffness: float = 400.0
     glide_mps: float = 0.15
 
 
