@@ -44,3 +44,15 @@ def test_a_long_warning_crowds_nothing(client: Client, width: int) -> None:
         assert across <= 0.5 or down <= 0.5
     assert all(left >= 0 and right <= width for left, _, right, _ in boxes)
     client.page.set_viewport_size(VIEWPORT)
+
+
+@pytest.mark.parametrize("width", [LAPTOP_WIDTH, 1440, 1920, 390])
+def test_the_words_of_a_fault_are_whole(client: Client, width: int) -> None:
+    client.page.set_viewport_size({"width": width, "height": LAPTOP_HEIGHT})
+    client.page.evaluate(WARN, [max(FAULT_WORDS.values(), key=len)])
+    shown = """() => {
+        const { scrollHeight, clientHeight, scrollWidth, clientWidth } = document.getElementById("limits");
+        return [scrollHeight - clientHeight, scrollWidth - clientWidth];
+    }"""
+    assert max(client.page.evaluate(shown)) <= 1
+    client.page.set_viewport_size(VIEWPORT)
