@@ -25,6 +25,9 @@ SMALL: ViewportSize = {"width": 1000, "height": 600}
 HANG_S = 240
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
 FLAGS = ("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-background-networking")
+RESTING_FLAGS = (*FLAGS, "--disable-gpu-compositing", "--disable-gpu-rasterization")
+"""In software, a page put together the way of a 3-D scene opens at half the speed and takes half a core at rest. Without it,
+a scene that draws keeps everything else waiting."""
 
 
 def chromium_path() -> str | None:
@@ -53,7 +56,8 @@ def no_test_hangs() -> Iterator[None]:
 
 
 @pytest.fixture(scope="package")
-def browser() -> Iterator[Browser]:
+def launch() -> Iterator[Callable[[tuple[str, ...]], Browser]]:
+    """Starts a browser with flags, and ends it in the end."""
     executable = chromium_path()
     if executable is None:
         message = f"no Chromium found (looked for {', '.join(BROWSERS)}); install one to run the browser tests"
@@ -61,9 +65,26 @@ def browser() -> Iterator[Browser]:
             pytest.fail(message)
         pytest.skip(message)
     with sync_playwright() as playwright:
-        chromium = playwright.chromium.launch(executable_path=executable, args=list(FLAGS))
-        yield chromium
-        chromium.close()
+        started: list[Browser] = []
+
+        def start(flags: tuple[str, ...]) -> Browser:
+            started.append(playwright.chromium.launch(executable_path=executable, args=list(flags)))
+            return started[-1]
+
+        yield start
+        for browser in started:
+            browser.close()
+
+
+@pytest.fixture(scope="package")
+def browser(launch: Callable[[tuple[str, ...]], Browser]) -> Browser:
+    return launch(FLAGS)
+
+
+@pytest.fixture(scope="package")
+def resting_browser(launch: Callable[[tuple[str, ...]], Browser]) -> Browser:
+    """For pages whose scene never draws."""
+    return launch(RESTING_FLAGS)
 
 
 @pytest.fixture(scope="package")
@@ -100,11 +121,11 @@ def api(console: ConsoleProcess) -> Iterator[Api]:
 
 
 @pytest.fixture(scope="package")
-def open_client(browser: Browser) -> Iterator[Callable[[str], Client]]:
+def open_client() -> Iterator[Callable[[Browser, str], Client]]:
     """Opens pages and closes them in the end. Opening one takes seconds, so tests share them."""
     pages: list[Page] = []
 
-    def open_page(address: str) -> Client:
+    def open_page(browser: Browser, address: str) -> Client:
         page = browser.new_page(viewport=VIEWPORT)
         page.set_default_timeout(1000.0 * PATIENCE_S)
         pages.append(page)
@@ -118,8 +139,8 @@ def open_client(browser: Browser) -> Iterator[Callable[[str], Client]]:
 
 
 @pytest.fixture(scope="package")
-def first_client(console: ConsoleProcess, open_client: Callable[[str], Client]) -> Client:
-    return open_client(console.address)
+def first_client(browser: Browser, console: ConsoleProcess, open_client: Callable[[Browser, str], Client]) -> Client:
+    return open_client(browser, console.address)
 
 
 @pytest.fixture
@@ -146,9 +167,9 @@ def proxy(console: ConsoleProcess) -> Iterator[TcpProxy]:
 
 
 @pytest.fixture(scope="module")
-def second_client(proxy: TcpProxy, open_client: Callable[[str], Client]) -> Iterator[Client]:
+def second_client(browser: Browser, proxy: TcpProxy, open_client: Callable[[Browser, str], Client]) -> Iterator[Client]:
     """Another browser, behind a network that can fail."""
-    second = open_client(proxy.address)
+    second = open_client(browser, proxy.address)
     second.page.set_viewport_size(SMALL)
     second.render(True)
     yield second

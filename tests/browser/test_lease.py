@@ -1,22 +1,25 @@
 """Two browsers and a script: one drives, the others see who, and anyone stops."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from urllib.error import HTTPError
 
 import pytest
-from playwright.sync_api import Route
+from playwright.sync_api import Browser, Route
 
 from tests.browser.console_page import Api, Client, eventually
 
 
 @pytest.fixture
-def two(client: Client, second_client: Client, api: Api) -> Iterator[tuple[Client, Client]]:
-    second_client.render(False)
-    yield client, second_client
-    for each in (client, second_client):
+def two(
+    client: Client, api: Api, resting_browser: Browser, open_client: Callable[[Browser, str], Client]
+) -> Iterator[tuple[Client, Client]]:
+    other = open_client(resting_browser, api.address)
+    yield client, other
+    for each in (client, other):
         if each.text("driver") == "you":
             each.page.get_by_test_id("drive").click()
     eventually(lambda: api.call("GET", "lease")["operator"] is None, "nobody drives any more")
+    other.page.close()
 
 
 def name_of(client: Client) -> str:
