@@ -150,6 +150,8 @@ class RecordingWriter:
             if tick - self._last_state >= PER_PERIOD:
                 kept.append(index)
                 self._last_state = tick
+        if not kept:
+            return batches
         states = STATE.batch(times[kept], self._channels["/state"])
         messages.write_states(moments["snapshot"][kept], states["body"])
         batches.append(states)

@@ -1,6 +1,7 @@
 """The ring between a writer that never waits and a reader that may come late, and the gap that this leaves in a file."""
 
 import json
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -9,9 +10,11 @@ from mcap.reader import make_reader
 from sim.recording import tap as tap_module
 from sim.recording.body_tree import BodyTree
 from sim.recording.description import Description
+from sim.recording.reader import Recording
 from sim.recording.recorder import CHUNK_TICKS, Drain, RecordingWriter
 from sim.recording.ring import Ring, bytes_of
 from sim.recording.tap import TICK, TICK_SLOTS, Heads, Tap
+from sim.runtime.snapshot import SNAPSHOT
 
 DTYPE = np.dtype([("value", "f8"), ("odd", "u1")])
 RUN = {"name": "gap", "note": "", "started": "", "scene": "free", "estimators": "hybrid"}
@@ -69,3 +72,21 @@ def test_a_held_up_recorder_leaves_a_counted_gap(tmp_path: Path) -> None:
     assert gap["first_tick"] == CHUNK_TICKS
     assert gap["ticks"] == tap.missed > 300
     assert written + gap["ticks"] == TICK_SLOTS + 700
+
+
+def test_a_last_chunk_shorter_than_a_control_period_is_written(tmp_path: Path) -> None:
+    """Its moments come too soon after the last state to be one themselves."""
+    tap = Tap(tap_module.allocate())
+    tap.start("short")
+    writer = RecordingWriter(tmp_path / "short.mcap", Description(RUN, ("hybrid",), b""), BodyTree.from_mjcf(), 10**18)
+    drain = Drain(tap, writer, Heads())
+    record, snapshot = np.zeros(1, TICK), np.zeros(1, SNAPSHOT)[0]
+    for tick in range(CHUNK_TICKS + 3):
+        tap.ticks.put(bytes_of(record))
+        if tick in (CHUNK_TICKS - 1, CHUNK_TICKS + 2):
+            tap.put_moment(snapshot)
+            assert drain.turn(least=1)
+    assert not drain.turn(least=1)
+    writer.close()
+    with closing(Recording(tmp_path / "short.mcap")) as recording:
+        assert len(recording.sensors()) == CHUNK_TICKS + 3
