@@ -82,11 +82,13 @@ def _is_control(pid: int) -> bool:
 
 
 class Growth:
-    """Resident memory of both processes of a console, once a second."""
+    """Resident memory of the two processes of a console, once a second. What is loaded once, as a scene, is no growth."""
 
     def __init__(self, console: SoakConsole) -> None:
+        for name in SCENES:
+            console.call("PUT", "/scene", {"name": name})
         self._console = console
-        self._samples: list[tuple[float, float]] = []
+        self._samples: list[tuple[float, float, float]] = []
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._watch, daemon=True)
         self._thread.start()
@@ -95,16 +97,17 @@ class Growth:
         server = self._console.server
         while not self._ended.wait(1.0):
             try:
-                self._samples.append((time.monotonic(), resident_mb(server.pid) + resident_mb(server.control_pid)))
+                self._samples.append((time.monotonic(), resident_mb(server.pid), resident_mb(server.control_pid)))
             except (FileNotFoundError, StopIteration):
                 return
 
-    def finish(self) -> float:
-        """Slope of the least squares line after the warm-up, MB per hour."""
+    def finish(self) -> dict[str, float]:
+        """Slope of the least squares line after the warm-up, MB per hour, of each process."""
         self._ended.set()
         self._thread.join()
-        times, sizes = np.array(self._samples[int(WARM_UP_SHARE * len(self._samples)) :]).T
-        return 3600.0 * float(np.polyfit(times - times[0], sizes, 1)[0])
+        times, *sizes = np.array(self._samples[int(WARM_UP_SHARE * len(self._samples)) :]).T
+        slopes = [3600.0 * float(np.polyfit(times - times[0], size, 1)[0]) for size in sizes]
+        return dict(zip(("web process", "control process"), slopes, strict=True))
 
 
 def use(report: Report, console: SoakConsole, dice: random.Random, duration_s: float) -> tuple[int, int]:
@@ -168,14 +171,15 @@ def soak(report: Report, duration_s: float) -> None:
     lost_calls = overload(report, console, 0.2 * duration_s)
     report.progress("random valid use")
     falls, failed = use(report, console, random.Random(report.seed), 0.25 * duration_s)
-    slope_mb = growth.finish()
+    slopes_mb = growth.finish()
     lost_processes, tracebacks = console.lost_processes(), console.tracebacks()
     console.stop()
     presses_ms = 1e3 * np.array(console.presses)
     value(report, "e-stop", "presses", len(presses_ms), "")
     value(report, "e-stop", "p50", float(np.percentile(presses_ms, 50)), "ms")
     p99 = value(report, "e-stop", "p99", float(np.percentile(presses_ms, 99)), "ms")
-    value(report, "memory", "growth", slope_mb, "MB/h")
+    for process, slope_mb in slopes_mb.items():
+        value(report, "memory", f"growth, {process}", slope_mb, "MB/h")
     errors = generated.count("not_a_server_error") + tracebacks
     report.bars += [
         at_most("server errors", errors, 0.0, ""),
@@ -190,7 +194,7 @@ def soak(report: Report, duration_s: float) -> None:
         at_most("falls under valid use", falls, 0.0, ""),
     ]
     if duration_s >= 60.0 * MEMORY_MINUTES:
-        report.bars.append(at_most("growth of memory", slope_mb, 5.0, "MB/h"))
+        report.bars.append(at_most("growth of memory", sum(slopes_mb.values()), 5.0, "MB/h"))
 
 
 def overload(report: Report, console: SoakConsole, duration_s: float) -> int:
