@@ -4,8 +4,9 @@ The e-stop, and the question whether it may be pressed, are always served.
 """
 
 import asyncio
+import contextlib
 import time
-from collections.abc import Callable
+from collections.abc import AsyncIterator, Callable
 
 from starlette.responses import JSONResponse
 from starlette.types import ASGIApp, Receive, Scope, Send
@@ -26,6 +27,12 @@ LONGEST_WAIT_S = 0.01
 
 HOLD_BACK_S = 0.1
 """The answer to a call above the rate is held back, or whoever calls without end would keep us busy with refusals."""
+
+MAX_AT_WORK = 2
+"""More calls at once would not be served sooner, but they keep the event loop, and the interpreter's lock, from an e-stop."""
+
+TURN_S = 0.02
+"""A call that takes longer waits for something, mostly the control process; another is let in."""
 
 ALWAYS_SERVED = frozenset({"/api/v1/estop", "/api/v1/estop/check"})
 
@@ -54,6 +61,32 @@ class CallRate:
         return wait_s
 
 
+class Turns:
+    """At most MAX_AT_WORK calls are worked on, others wait in order."""
+
+    def __init__(self) -> None:
+        self._free = asyncio.Semaphore(MAX_AT_WORK)
+
+    @contextlib.asynccontextmanager
+    async def turn(self) -> AsyncIterator[None]:
+        """Wait for a turn and hold it until the end, or for TURN_S."""
+        await self._free.acquire()
+        held = True
+
+        def give_back() -> None:
+            nonlocal held
+            if held:
+                held = False
+                self._free.release()
+
+        timer = asyncio.get_running_loop().call_later(TURN_S, give_back)
+        try:
+            yield
+        finally:
+            timer.cancel()
+            give_back()
+
+
 class Admission:
     """ASGI middleware: refuses with 429 what is too much."""
 
@@ -61,6 +94,7 @@ class Admission:
         self._app = app
         self._open = {"http": 0, "websocket": 0}
         self._rate = CallRate()
+        self._turns = Turns()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         kind = scope["type"]
@@ -82,7 +116,11 @@ class Admission:
         try:
             if wait_s > 0.0:
                 await asyncio.sleep(wait_s)
-            await self._app(scope, receive, send)
+            if kind == "websocket" or scope["path"] in ALWAYS_SERVED:
+                await self._app(scope, receive, send)
+            else:
+                async with self._turns.turn():
+                    await self._app(scope, receive, send)
         finally:
             self._open[kind] -= 1
 

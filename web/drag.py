@@ -19,9 +19,7 @@ class GrabHandle:
     def __init__(self, server: viser.ViserServer, sink: ConsoleSink) -> None:
         self._sink = sink
         self._owner: int | None = None
-        self._ball = server.scene.add_icosphere(
-            "/hand_grab", 0.036, color=theme.HANDLE, opacity=0.45, cast_shadow=False, receive_shadow=False
-        )
+        self._ball = server.scene.add_icosphere("/hand_grab", 0.036, color=theme.HANDLE, opacity=0.45)
         self.spring = server.scene.add_line_segments(
             "/hand_spring",
             np.zeros((1, 2, 3), np.float32),
@@ -78,9 +76,7 @@ class TargetGizmo:
         self.handle = server.scene.add_transform_controls(
             "/target", scale=0.17, disable_rotations=True, depth_test=False, line_width=2.5, opacity=0.9
         )
-        self._applied = server.scene.add_icosphere(
-            "/target_applied", 0.012, color=theme.TARGET, opacity=0.9, cast_shadow=False, receive_shadow=False
-        )
+        self._applied = server.scene.add_icosphere("/target_applied", 0.012, color=theme.TARGET, opacity=0.9)
 
         def moved(event: viser.TransformControlsEvent) -> None:
             self._held = event.phase != "end"

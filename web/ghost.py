@@ -61,7 +61,5 @@ class Ghost:
                     np.asarray(mesh.faces),
                     color=theme.TARGET,
                     opacity=OPACITY,
-                    cast_shadow=False,
-                    receive_shadow=False,
                 )
         return root

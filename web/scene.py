@@ -29,7 +29,8 @@ class Scene:
         scene.configure_environment_map("studio", environment_intensity=0.3)
         # Viser's own lights are so bright that they wash the force colours out.
         scene.configure_default_lights(enabled=False)
-        scene.add_light_directional("/light/key", intensity=1.5, cast_shadow=True, position=(1.2, -0.8, 2.4))
+        # Without shadows: on a floor as dark as this one they can hardly be seen, and take half of a frame drawn in software.
+        scene.add_light_directional("/light/key", intensity=1.5, cast_shadow=False, position=(1.2, -0.8, 2.4))
         scene.add_light_hemisphere("/light/sky", sky_color=(225, 235, 255), ground_color=(70, 75, 85), intensity=0.6)
         scene.add_grid(
             "/floor",
@@ -40,7 +41,7 @@ class Scene:
             section_color=theme.GRID_SECTION,
             plane_color=theme.FLOOR,
             plane_opacity=1.0,
-            shadow_opacity=0.35,
+            shadow_opacity=0.0,
             fade_distance=14.0,
         )
         self._tree = BodyTree.from_mjcf()

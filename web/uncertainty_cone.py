@@ -27,8 +27,6 @@ class UncertaintyCone:
             color=theme.UNCERTAIN,
             opacity=0.5,
             side="double",
-            cast_shadow=False,
-            receive_shadow=False,
             visible=False,
         )
 

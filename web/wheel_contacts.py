@@ -46,8 +46,6 @@ class WheelContacts:
             batched_colors=np.tile(np.array(theme.CONE, np.uint8), (_COUNT, 1)),
             opacity=0.3,
             side="double",
-            cast_shadow=False,
-            receive_shadow=False,
             lod="off",
         )
         self._touching = np.zeros(_COUNT, bool)

@@ -25,8 +25,8 @@ class LegConfig:
         height_stiffness: N/m.
         height_damping: N s/m.
         sway_damping: N s/m, of the base's planar velocity error.
-        tilt_stiffness: N m per unit of sine of the tilt.
-        tilt_damping: N m s/rad.
+        tilt_stiffness: N m per unit of sine of the tilt, beside that of the legs' drives.
+        tilt_damping: N m s/rad. Without it the trunk rocks at about 1 Hz, and jerks at that rate lift its wheels and fell it.
         posture_gain: share of the leg's position error that is added to its target, beside the drive's own.
         posture_damping: s, of joint velocity.
         offset_limit_rad: farthest target from the posture of the stance.
@@ -37,8 +37,8 @@ class LegConfig:
     height_stiffness: float = 800.0
     height_damping: float = 80.0
     sway_damping: float = 100.0
-    tilt_stiffness: float = 90.0
-    tilt_damping: float = 6.0
+    tilt_stiffness: float = 20.0
+    tilt_damping: float = 20.0
     posture_gain: float = 1.0
     posture_damping: float = 0.02
     offset_limit_rad: float = 0.9

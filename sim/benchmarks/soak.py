@@ -22,7 +22,10 @@ WINDOW_S = 5.0
 MEMORY_MINUTES = 10.0
 """A shorter soak says nothing about growth per hour."""
 
-WARM_UP_SHARE = 0.25
+WARM_UP_SHARE = 0.1
+"""Of the time, for each attack once before memory counts: what is loaded at the first call, and room for the most connections,
+is taken once and kept."""
+
 SETTLE_S = 60.0
 NOTICED_S = 1.0
 """A control process that was killed is known to be dead by then."""
@@ -81,12 +84,19 @@ def _is_control(pid: int) -> bool:
         return False
 
 
+def warm_up(report: Report, console: SoakConsole, duration_s: float) -> None:
+    """Each attack once, and each scene."""
+    for name in SCENES:
+        console.call("PUT", "/scene", {"name": name})
+    generated_calls(console.port, report.seed + 1, 0.6 * duration_s)
+    raw_sockets(console.port, report.seed + 1, 0.2 * duration_s)
+    flood(console.port, report.seed + 1, 0.2 * duration_s)
+
+
 class Growth:
-    """Resident memory of the two processes of a console, once a second. What is loaded once, as a scene, is no growth."""
+    """Resident memory of the two processes of a console, once a second."""
 
     def __init__(self, console: SoakConsole) -> None:
-        for name in SCENES:
-            console.call("PUT", "/scene", {"name": name})
         self._console = console
         self._samples: list[tuple[float, float, float]] = []
         self._ended = threading.Event()
@@ -102,10 +112,10 @@ class Growth:
                 return
 
     def finish(self) -> dict[str, float]:
-        """Slope of the least squares line after the warm-up, MB per hour, of each process."""
+        """Slope of the least squares line, MB per hour, of each process."""
         self._ended.set()
         self._thread.join()
-        times, *sizes = np.array(self._samples[int(WARM_UP_SHARE * len(self._samples)) :]).T
+        times, *sizes = np.array(self._samples).T
         slopes = [3600.0 * float(np.polyfit(times - times[0], size, 1)[0]) for size in sizes]
         return dict(zip(("web process", "control process"), slopes, strict=True))
 
@@ -156,10 +166,12 @@ def soak(report: Report, duration_s: float) -> None:
     """Everything on one console, and the bars."""
     dead, lost_at_kills = kills(report)
     console = SoakConsole("--seed", str(report.seed))
+    report.progress("warm-up")
+    warm_up(report, console, WARM_UP_SHARE * duration_s)
     growth = Growth(console)
     console.press_all_along()
     report.progress("generated calls")
-    generated = generated_calls(console.port, report.seed, 0.4 * duration_s)
+    generated = generated_calls(console.port, report.seed, 0.3 * duration_s)
     value(report, "generated calls", "calls", generated.calls, "")
     for check, words in CHECKS.items():
         value(report, "generated calls", words, generated.count(check), "")

@@ -15,11 +15,11 @@ def test_a_browser_that_vanishes_lets_go_and_reconnects(second_client: Client, a
     client = second_client
     grab(client, api)
     proxy.cut()
+    client.render(False)
     api.until(lambda state: size(state, "force_true_n") == 0.0, "the hand is let go")
     eventually(lambda: client.text("connection").startswith("lost"), "the page shows the loss")
     assert client.page.get_by_test_id("banner-link").is_visible()
     client.page.mouse.up()
-    client.render(False)
     # The scene must come back without the focus, too.
     client.page.locator(".brand").click()
     proxy.mend()
@@ -34,10 +34,10 @@ def test_a_browser_whose_network_falls_silent_lets_go(second_client: Client, api
     second_client.render(True)
     grab(second_client, api)
     proxy.silence()
+    second_client.render(False)
     api.until(lambda state: size(state, "force_true_n") == 0.0, "the hand is let go")
     proxy.mend()
     second_client.page.mouse.up()
-    second_client.render(False)
     eventually(lambda: second_client.text("connection") == "live", "the stream goes on")
 
 

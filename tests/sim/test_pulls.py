@@ -1,5 +1,7 @@
 """A firm pull at the hand: the robot yields within a border, and stands."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -18,6 +20,23 @@ def test_forty_newtons_fell_no_robot_and_press_no_arm_on_it(mode: str, direction
     assert not result.fell and not result.self_contact
     assert result.tilt_deg < 15.0
     assert result.excursion_m < 0.55
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("mode", "mass_scale", "direction", "seed"),
+    [
+        ("zero_force", 0.8, (0.0, 1.0, 0.0), 1416),
+        ("guidance", 1.0, (-1.0, 1.0, 0.0), 1408),
+        ("guidance", 1.2, (0.0, -1.0, 0.0), 1411),
+    ],
+)
+def test_jerks_at_the_rate_of_the_trunk_do_not_rock_it_over(
+    mode: str, mass_scale: float, direction: tuple[float, float, float], seed: int
+) -> None:
+    result = pull(Pull(replace(POLICY, mass_scale=mass_scale), mode, 40.0, direction, 0.05, True, seed))
+    assert not result.fell and not result.self_contact
+    assert result.tilt_deg < 12.0
 
 
 def test_a_floor_rises_under_the_robot_which_stands_on_it_upright() -> None:
