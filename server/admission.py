@@ -28,11 +28,8 @@ LONGEST_WAIT_S = 0.01
 HOLD_BACK_S = 0.1
 """The answer to a call above the rate is held back, or whoever calls without end would keep us busy with refusals."""
 
-MAX_AT_WORK = 2
-"""More calls at once would not be served sooner, but they keep the event loop, and the interpreter's lock, from an e-stop."""
-
-TURN_S = 0.02
-"""A call that takes longer waits for something, mostly the control process; another is let in."""
+TURN_S = 0.01
+"""A call that takes longer waits for something, mostly the control process; the next is let in."""
 
 ALWAYS_SERVED = frozenset({"/api/v1/estop", "/api/v1/estop/check"})
 
@@ -62,10 +59,13 @@ class CallRate:
 
 
 class Turns:
-    """At most MAX_AT_WORK calls are worked on, others wait in order."""
+    """One call is worked on at a time, in order.
+
+    More at once would not be served sooner, but they keep event loop and interpreter from an e-stop.
+    """
 
     def __init__(self) -> None:
-        self._free = asyncio.Semaphore(MAX_AT_WORK)
+        self._free = asyncio.Lock()
 
     @contextlib.asynccontextmanager
     async def turn(self) -> AsyncIterator[None]:

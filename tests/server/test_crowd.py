@@ -20,7 +20,17 @@ from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
 
 from control.paths import ROOT
 from server import admission, http_protocol
-from server.admission import ALWAYS_SERVED, LONGEST_WAIT_S, MAX_BURST, MAX_CALLS, MAX_RATE_HZ, MAX_SOCKETS, Admission, CallRate
+from server.admission import (
+    ALWAYS_SERVED,
+    LONGEST_WAIT_S,
+    MAX_BURST,
+    MAX_CALLS,
+    MAX_RATE_HZ,
+    MAX_SOCKETS,
+    Admission,
+    CallRate,
+    Turns,
+)
 from server.crowd import max_connections
 from server.http_protocol import MAX_HEAD_BYTES, GuardedHttpProtocol
 from tests.server.running_server import RunningServer
@@ -161,6 +171,7 @@ def test_a_call_that_is_being_answered_makes_no_room(server: RunningServer, monk
 @pytest.mark.parametrize(("kind", "most"), [("http", MAX_CALLS), ("websocket", MAX_SOCKETS)])
 def test_too_much_at_once_is_refused_but_no_estop(kind: str, most: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(admission, "MAX_BURST", 1e6)
+    monkeypatch.setattr(admission, "TURN_S", 0.0)
     served: list[str] = []
 
     async def stuck(scope: Scope, _: Receive, __: Send) -> None:
@@ -181,8 +192,12 @@ def test_too_much_at_once_is_refused_but_no_estop(kind: str, most: int, monkeypa
             scope = {"type": kind, "path": path, "state": {}, "headers": [], "method": "GET", "extensions": extensions}
             return asyncio.create_task(guard(scope, receive, answer))
 
+        async def let_in(count: int) -> None:
+            while len(served) < count:
+                await asyncio.sleep(0)
+
         calls = [call("/api/v1/scene") for _ in range(most)]
-        await asyncio.sleep(0)
+        await let_in(most)
         await call("/api/v1/scene")
         calls += [call(path) for path in ALWAYS_SERVED]
         await asyncio.sleep(0)
@@ -190,13 +205,78 @@ def test_too_much_at_once_is_refused_but_no_estop(kind: str, most: int, monkeypa
             each.cancel()
         await asyncio.gather(*calls, return_exceptions=True)
         again = call("/api/v1/scene")
-        await asyncio.sleep(0)
+        await let_in(most + len(ALWAYS_SERVED) + 1)
         again.cancel()
         return answers
 
     answers = asyncio.run(ask())
     assert answers[0]["status"] == 429
     assert served == ["/api/v1/scene"] * most + [*ALWAYS_SERVED, "/api/v1/scene"]
+
+
+def test_one_call_is_worked_on_at_a_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(admission, "TURN_S", 3600.0)
+    turns, at_work, together = Turns(), 0, []
+
+    async def work() -> None:
+        nonlocal at_work
+        async with turns.turn():
+            at_work += 1
+            together.append(at_work)
+            await asyncio.sleep(0)
+            at_work -= 1
+
+    async def crowd() -> None:
+        await asyncio.gather(*(work() for _ in range(20)))
+
+    asyncio.run(crowd())
+    assert together == [1] * 20
+
+
+def test_an_estop_waits_for_nobodys_turn(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(admission, "TURN_S", 3600.0)
+    served: list[str] = []
+
+    async def stuck(scope: Scope, _: Receive, __: Send) -> None:
+        served.append(scope["path"])
+        await asyncio.sleep(3600.0)
+
+    async def nothing(*_: Message) -> Message:
+        return {"type": "http.request"}
+
+    async def ask() -> None:
+        guard = Admission(stuck)
+        for path in ("/api/v1/scene", "/api/v1/scene", "/api/v1/estop"):
+            scope: Scope = {"type": "http", "path": path, "headers": [], "method": "POST"}
+            asyncio.get_running_loop().create_task(guard(scope, nothing, nothing))
+        await asyncio.sleep(0)
+        await asyncio.sleep(0)
+
+    asyncio.run(ask())
+    assert served == ["/api/v1/scene", "/api/v1/estop"]
+
+
+def test_a_call_that_waits_lets_the_next_in_even_one_that_it_waits_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(admission, "TURN_S", 0.0)
+    turns, asked = Turns(), asyncio.Event()
+
+    async def wait() -> None:
+        async with turns.turn():
+            await asked.wait()
+
+    async def ask() -> None:
+        async with turns.turn():
+            asked.set()
+
+    async def both() -> None:
+        waiting = [asyncio.create_task(wait()) for _ in range(3)]
+        await asyncio.sleep(0)
+        await ask()
+        await asyncio.gather(*waiting)
+        async with turns.turn(), asyncio.timeout(0.0):
+            pass  # all turns were given back once
+
+    asyncio.run(both())
 
 
 def test_whoever_waits_for_his_answers_is_slowed_to_the_rate_and_never_refused() -> None:
