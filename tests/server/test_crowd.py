@@ -241,14 +241,17 @@ def test_an_estop_waits_for_nobodys_turn(monkeypatch: pytest.MonkeyPatch) -> Non
         served.append(scope["path"])
         await asyncio.sleep(3600.0)
 
-    async def nothing(*_: Message) -> Message:
+    async def receive() -> Message:
         return {"type": "http.request"}
+
+    async def answer(_: Message) -> None:
+        return None
 
     async def ask() -> None:
         guard = Admission(stuck)
         for path in ("/api/v1/scene", "/api/v1/scene", "/api/v1/estop"):
             scope: Scope = {"type": "http", "path": path, "headers": [], "method": "POST"}
-            asyncio.get_running_loop().create_task(guard(scope, nothing, nothing))
+            asyncio.get_running_loop().create_task(guard(scope, receive, answer))
         await asyncio.sleep(0)
         await asyncio.sleep(0)
 
