@@ -1,6 +1,7 @@
 """`forcelens`, or `python -m server`: start the console and print where it is. `forcelens emulate` runs an emulated robot,
 `forcelens record` has a running console record."""
 
+import os
 import sys
 
 from sim.processes.standard_streams import protect_standard_streams
@@ -9,6 +10,8 @@ from sim.processes.starting import Starting
 
 def main() -> int:
     """Run the command; returns the exit status. What takes long to import is imported once Ctrl-C is taken care of."""
+    # MuJoCo would look for a window library in processes of its own, which a Ctrl-C makes complain. We open no window.
+    os.environ.setdefault("MUJOCO_GL", "disable")
     if sys.argv[1:2] == ["emulate"]:
         from sim.emulator.__main__ import main as emulate
 

@@ -29,6 +29,7 @@ CAUGHT_M = 0.012
 """Or when the cup's walls hold it so far from where the search wants it."""
 BAND_M = 0.06
 """A hand so far off its circle, or so far out of its plane, has slipped."""
+CENTER_RATE_PS = 0.5
 STALLED_S = 6.0
 SLOW_RPS, RATE_S, GROWTH_NPS = 0.48, 0.5, 2.0
 """A valve that turns more slowly, on average over RATE_S, is pushed harder and harder: a full turn shall take 15 s at most."""
@@ -110,6 +111,9 @@ class Valve:
 
         def turn(view: TaskView, name: str, begin_s: float) -> Command:
             offset = view.hand_m - self._center
+            radius = np.hypot(offset[1], offset[2])
+            # The wheels creep aside under the load, which odometry does not see: the hand on its circle tells the centre.
+            self._center[1:] += CENTER_RATE_PS * CONTROL_PERIOD_S * (1.0 - HANDLE_RADIUS_M / radius) * offset[1:]
             angle = float(np.arctan2(-offset[1], offset[2]))
             if self._angle_rad is not None:
                 step = self._sign * float(np.angle(np.exp(1j * (angle - self._angle_rad))))

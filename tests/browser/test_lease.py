@@ -56,6 +56,8 @@ def test_one_drives_the_others_see_who_and_anyone_stops(two: tuple[Client, Clien
 
     first.page.get_by_test_id("estop").click()
     api.until(lambda state: state["mode"] == "estop", "who watches may stop")
+    button = first.page.get_by_test_id("estop")
+    eventually(lambda: button.get_attribute("data-pending") is None, "the answer arrives, or the page would press again")
 
     for _ in range(2):  # within seconds
         second.page.get_by_test_id("estop-action").click()

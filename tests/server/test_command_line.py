@@ -54,6 +54,9 @@ def test_it_prints_its_address_serves_and_takes_its_processes_along() -> None:
         assert httpx.get(f"{found[0]}api/v1/health", timeout=60.0).json()["status"] == "ok"
         started = children(process.pid)
         assert started
+        maps = [Path(f"/proc/{pid}/maps").read_text() for pid in (process.pid, *started)]
+        assert any("libmujoco" in each for each in maps)
+        assert not any("glfw" in each for each in maps), "a window library was loaded"
         process.send_signal(signal.SIGTERM)
         assert process.wait(60.0) == 0
         # multiprocessing's own resource tracker ends only once its pipe has closed, a moment after its parent.
