@@ -10,7 +10,9 @@ import pytest
 from control.command.limits import DEFAULT_COMMAND, CommandLimits
 from control.faults import Fault
 from control.frames import rotation_z
+from control.timing import CONTROL_PERIOD_S
 from control.types import Command, Odometry
+from sim.scenes.valve import CENTER_HEIGHT_M, HANDLE_RADIUS_M
 from sim.tasks import TASKS, chosen_options, options_of
 from sim.tasks.runner import BACK_OFF_M, BACK_OFF_S, Outcome, TaskRunner
 from sim.tasks.standstill import Standstill
@@ -235,6 +237,28 @@ def test_a_step_of_a_sequence_that_fails_twice_is_left_out_and_told() -> None:
     assert names.count("valve touch") == 2 and "valve search" not in names
     assert names.index("board wipe") > names.index("come") and names[-1] == "report"
     assert (task.metrics()["steps"], task.metrics()["steps_done"], task.metrics()["tries"]) == (2.0, 1.0, 3.0)
+
+
+def test_a_valve_is_turned_on_while_the_wheels_creep_aside_but_a_hand_off_its_circle_has_slipped() -> None:
+    task = TASKS["valve"](chosen_options("valve", {}))
+    place = None
+    for phase in task.phases():
+        if phase.name == "seat":
+            assert phase.done(replace(VIEW, phase_s=2.0, hand_m=np.array([0.69, 0.0, CENTER_HEIGHT_M + HANDLE_RADIUS_M])))
+        if phase.name == "place":
+            place = phase
+            break
+    assert place is not None
+    view = VIEW
+    for time_s in np.arange(0.0, 30.0, CONTROL_PERIOD_S):
+        angle, crept = 0.5 * time_s, 0.004 * time_s  # m, more than the hand may be off its circle, and odometry does not tell
+        circle = np.array([0.69, HANDLE_RADIUS_M * -np.sin(angle), CENTER_HEIGHT_M + HANDLE_RADIUS_M * np.cos(angle)])
+        view = replace(VIEW, time_s=time_s, phase_s=time_s, hand_m=circle + [0.0, crept, 0.0])
+        place.command(view)
+        assert place.wrong(view) is None
+    inwards = np.array([0.0, 0.12, CENTER_HEIGHT_M]) - view.hand_m
+    fallen = view.hand_m + 0.08 * inwards / np.linalg.norm(inwards[1:]) * [0.0, 1.0, 1.0]
+    assert place.wrong(replace(view, hand_m=fallen)) == "the hand has slipped off the handle"
 
 
 def test_what_is_out_of_reach_is_refused_before_anything_moves() -> None:
