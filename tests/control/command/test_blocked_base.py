@@ -79,6 +79,7 @@ def upright(trial: Trial) -> float:
     return w * w - x * x - y * y + z * z
 
 
+@pytest.mark.slow
 def test_a_robot_that_is_driven_against_a_board_stands_upright_and_says_so() -> None:
     trial, told = Trial(TrialSetup(), seed=614, scene="board"), Fault.NONE
     for _ in trial.run(drive(np.array([0.4, 0.0, 0.2])), 5.0):
@@ -92,6 +93,7 @@ def test_a_robot_that_is_driven_against_a_board_stands_upright_and_says_so() -> 
     assert Fault.BASE_BLOCKED not in trial.session.output.safety.faults
 
 
+@pytest.mark.slow
 def test_a_robot_that_backs_one_leg_into_a_box_stands_upright_and_says_so() -> None:
     trial, told = Trial(TrialSetup(), seed=614, scene="box"), Fault.NONE
     data, model = trial.session.backend.data, trial.session.backend.model
