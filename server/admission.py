@@ -102,7 +102,8 @@ class Admission:
             await self._app(scope, receive, send)
             return
         wait_s: float | None = 0.0
-        if scope["path"] not in ALWAYS_SERVED:
+        always = scope["path"] in ALWAYS_SERVED
+        if not always:
             if self._open[kind] >= (MAX_CALLS if kind == "http" else MAX_SOCKETS):
                 await _refuse(scope, receive, send, "at once")
                 return
@@ -116,7 +117,7 @@ class Admission:
         try:
             if wait_s > 0.0:
                 await asyncio.sleep(wait_s)
-            if kind == "websocket" or scope["path"] in ALWAYS_SERVED:
+            if kind == "websocket" or always:
                 await self._app(scope, receive, send)
             else:
                 async with self._turns.turn():

@@ -111,7 +111,7 @@ class Valve:
 
         def turn(view: TaskView, name: str, begin_s: float) -> Command:
             offset = view.hand_m - self._center
-            radius = np.hypot(offset[1], offset[2])
+            radius = max(float(np.hypot(offset[1], offset[2])), 1e-6)
             # The wheels creep aside under the load, which odometry does not see: the hand on its circle tells the centre.
             self._center[1:] += CENTER_RATE_PS * CONTROL_PERIOD_S * (1.0 - HANDLE_RADIUS_M / radius) * offset[1:]
             angle = float(np.arctan2(-offset[1], offset[2]))

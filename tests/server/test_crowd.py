@@ -276,8 +276,8 @@ def test_a_call_that_waits_lets_the_next_in_even_one_that_it_waits_for(monkeypat
         await asyncio.sleep(0)
         await ask()
         await asyncio.gather(*waiting)
-        async with turns.turn(), asyncio.timeout(0.0):
-            pass  # all turns were given back once
+        async with asyncio.timeout(PATIENCE_S), turns.turn():
+            pass  # all turns were given back
 
     asyncio.run(both())
 
