@@ -21,6 +21,7 @@ from server.pacing import Pacer
 from server.session_events import describe
 from sim.backends.protocol import Backend, BackendError
 from sim.processes.realtime import request_realtime
+from sim.processes.resident_code import release_code
 from sim.processes.shared_record import SharedRecord
 from sim.processes.standard_streams import protect_standard_streams
 from sim.recording.tap import Tap
@@ -78,6 +79,7 @@ def control_process(
         )
         gc.collect()
         gc.freeze()
+        release_code()
         loop.run()
         session.backend.close()
     except Exception as error:
