@@ -5,6 +5,7 @@ wrenches, and random valid use in windows, while its e-stop is pressed all along
 otherwise quiet machine only. It needs `pip install -e ".[soak]"`.
 """
 
+import math
 import random
 import threading
 import time
@@ -12,19 +13,25 @@ from typing import Any
 
 import numpy as np
 
+from control.timing import TICK_S
 from sim.benchmarks.report import Report, argument_parser, at_most
 from sim.benchmarks.server_process import children
 from sim.benchmarks.soak_attacks import KILLS, fill_with_wrenches, flood, raw_sockets
 from sim.benchmarks.soak_calls import CHECKS, generated_calls
-from sim.benchmarks.soak_console import SoakConsole, lies, resident_mb
+from sim.benchmarks.soak_console import Press, SoakConsole, anonymous_mb, lies
+from sim.runtime.history import WINDOW_S
 
-WINDOW_S = 5.0
+USE_S = 5.0
+"""From one reset to the next under random valid use."""
+
 MEMORY_MINUTES = 10.0
 """A shorter soak says nothing about growth per hour."""
 
 WARM_UP_SHARE = 0.1
 """Of the time, for each attack once before memory counts: what is loaded at the first call, and room for the most connections,
 is taken once and kept."""
+
+_STEP_S = 5.0
 
 SETTLE_S = 60.0
 NOTICED_S = 1.0
@@ -53,9 +60,8 @@ def kills(report: Report) -> tuple[int, int]:
         console.server.control_pid = _control_pid(console)
         lost += not survived
         value(report, "kills", name, float(survived), "survived")
-    lost_estops = console.lost_estops
     console.stop()
-    return lost, lost_estops
+    return lost, sum(math.isnan(press.duration_s) for press in console.presses)
 
 
 def _usable_again(console: SoakConsole) -> bool:
@@ -85,16 +91,42 @@ def _is_control(pid: int) -> bool:
 
 
 def warm_up(report: Report, console: SoakConsole, duration_s: float) -> None:
-    """Each attack once, and each scene."""
+    """Each attack once, each scene, and a history that is full."""
     for name in SCENES:
         console.call("PUT", "/scene", {"name": name})
     generated_calls(console.port, report.seed + 1, 0.6 * duration_s)
     raw_sockets(console.port, report.seed + 1, 0.2 * duration_s)
     flood(console.port, report.seed + 1, 0.2 * duration_s)
+    console.call("POST", "/estop/clear")
+    console.call("POST", "/reset", {})
+    console.call("POST", "/run", {"state": "paused"})
+    for _ in range(round(WINDOW_S / _STEP_S)):
+        console.call("POST", "/step", {"ticks": round(_STEP_S / TICK_S)})
+
+
+class Phases:
+    """What is done to a console, one thing after the other."""
+
+    def __init__(self, report: Report) -> None:
+        self._report = report
+        self.names: list[str] = []
+        self._starts_s: list[float] = []
+
+    def begin(self, name: str) -> None:
+        """The one before is over."""
+        self.names.append(name)
+        self._starts_s.append(time.monotonic())
+        self._report.progress(name)
+
+    def during(self, name: str, times_s: np.ndarray) -> np.ndarray:
+        """Which of some times lie in a phase."""
+        return np.searchsorted(self._starts_s, times_s) - 1 == self.names.index(name)
 
 
 class Growth:
-    """Resident memory of the two processes of a console, once a second."""
+    """Anonymous memory of the two processes of a console, once a second. Code that comes and goes with the file cache is no
+    leak.
+    """
 
     def __init__(self, console: SoakConsole) -> None:
         self._console = console
@@ -107,17 +139,23 @@ class Growth:
         server = self._console.server
         while not self._ended.wait(1.0):
             try:
-                self._samples.append((time.monotonic(), resident_mb(server.pid), resident_mb(server.control_pid)))
+                self._samples.append((time.monotonic(), anonymous_mb(server.pid), anonymous_mb(server.control_pid)))
             except (FileNotFoundError, StopIteration):
                 return
 
-    def finish(self) -> dict[str, float]:
-        """Slope of the least squares line, MB per hour, of each process."""
+    def finish(self, report: Report, phases: Phases) -> float:
+        """Rows of the median in each phase, and of the slope of the least squares line; the slopes' sum in MB per hour."""
         self._ended.set()
         self._thread.join()
         times, *sizes = np.array(self._samples).T
-        slopes = [3600.0 * float(np.polyfit(times - times[0], size, 1)[0]) for size in sizes]
-        return dict(zip(("web process", "control process"), slopes, strict=True))
+        slopes_mb = 0.0
+        for process, size in zip(("web process", "control process"), sizes, strict=True):
+            for phase in phases.names:
+                median = float(np.median(size[phases.during(phase, times)]))
+                value(report, "memory", f"{process}, {phase}", median, "MB")
+            slope = 3600.0 * float(np.polyfit(times - times[0], size, 1)[0])
+            slopes_mb += value(report, "memory", f"growth, {process}", slope, "MB/h")
+        return slopes_mb
 
 
 def use(report: Report, console: SoakConsole, dice: random.Random, duration_s: float) -> tuple[int, int]:
@@ -129,7 +167,7 @@ def use(report: Report, console: SoakConsole, dice: random.Random, duration_s: f
         console.call("POST", "/estop/clear")
         answers = [console.call("PUT", "/scene", {"name": dice.choice(SCENES)}).status]
         answers.append(console.call("POST", "/run", {"state": "running", "speed": 1.0}).status)
-        until = time.monotonic() + WINDOW_S
+        until = time.monotonic() + USE_S
         while time.monotonic() < until:
             method, path, body = _valid_call(dice)
             answers.append(console.call(method, path, body).status)
@@ -168,30 +206,26 @@ def soak(report: Report, duration_s: float) -> None:
     console = SoakConsole("--seed", str(report.seed))
     report.progress("warm-up")
     warm_up(report, console, WARM_UP_SHARE * duration_s)
-    growth = Growth(console)
+    phases, growth = Phases(report), Growth(console)
     console.press_all_along()
-    report.progress("generated calls")
+    phases.begin("generated calls")
     generated = generated_calls(console.port, report.seed, 0.3 * duration_s)
     value(report, "generated calls", "calls", generated.calls, "")
     for check, words in CHECKS.items():
         value(report, "generated calls", words, generated.count(check), "")
     for failure in generated.failures:
         report.progress(failure)
-    report.progress("raw sockets")
+    phases.begin("raw sockets")
     value(report, "raw sockets", "opened", raw_sockets(console.port, report.seed, 0.15 * duration_s), "")
-    report.progress("flood at the maximum of wrenches")
+    phases.begin("flood at the maximum of wrenches")
     lost_calls = overload(report, console, 0.2 * duration_s)
-    report.progress("random valid use")
+    phases.begin("random valid use")
     falls, failed = use(report, console, random.Random(report.seed), 0.25 * duration_s)
-    slopes_mb = growth.finish()
+    growth_mb = growth.finish(report, phases)
+    console.end_presses()
     lost_processes, tracebacks = console.lost_processes(), console.tracebacks()
     console.stop()
-    presses_ms = 1e3 * np.array(console.presses)
-    value(report, "e-stop", "presses", len(presses_ms), "")
-    value(report, "e-stop", "p50", float(np.percentile(presses_ms, 50)), "ms")
-    p99 = value(report, "e-stop", "p99", float(np.percentile(presses_ms, 99)), "ms")
-    for process, slope_mb in slopes_mb.items():
-        value(report, "memory", f"growth, {process}", slope_mb, "MB/h")
+    lost_estops, p99 = estops(report, console.presses, phases)
     errors = generated.count("not_a_server_error") + tracebacks
     report.bars += [
         at_most("server errors", errors, 0.0, ""),
@@ -199,14 +233,25 @@ def soak(report: Report, duration_s: float) -> None:
         at_most("other answers unlike the document", len(generated.failures) - errors + tracebacks, 0.0, ""),
         at_most("orders of kills not survived", dead, 0.0, ""),
         at_most("processes lost", lost_processes, 0.0, ""),
-        at_most("e-stops lost", console.lost_estops + lost_at_kills, 0.0, ""),
+        at_most("e-stops lost", lost_estops + lost_at_kills, 0.0, ""),
         at_most("e-stop, p99 all along", p99, 20.0, "ms"),
         at_most("calls lost under flood", lost_calls, 0.0, ""),
         at_most("valid calls refused or lost", failed, 0.0, ""),
         at_most("falls under valid use", falls, 0.0, ""),
     ]
     if duration_s >= 60.0 * MEMORY_MINUTES:
-        report.bars.append(at_most("growth of memory", sum(slopes_mb.values()), 5.0, "MB/h"))
+        report.bars.append(at_most("growth of memory", growth_mb, 5.0, "MB/h"))
+
+
+def estops(report: Report, presses: list[Press], phases: Phases) -> tuple[int, float]:
+    """Rows of the presses; how many were not confirmed, and the 99th percentile of the others in ms."""
+    times_s, durations_ms = np.array(presses).T * [[1.0], [1e3]]
+    value(report, "e-stop", "presses", len(presses), "")
+    value(report, "e-stop", "p50", float(np.nanmedian(durations_ms)), "ms")
+    for phase in phases.names:
+        value(report, "e-stop", f"p99, {phase}", float(np.nanpercentile(durations_ms[phases.during(phase, times_s)], 99)), "ms")
+    p99 = value(report, "e-stop", "p99", float(np.nanpercentile(durations_ms, 99)), "ms")
+    return int(np.isnan(durations_ms).sum()), p99
 
 
 def overload(report: Report, console: SoakConsole, duration_s: float) -> int:

@@ -3,8 +3,8 @@
 import http.client
 import json
 import math
+import multiprocessing
 import tempfile
-import threading
 import time
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -40,23 +40,39 @@ def call(port: int, method: str, path: str, body: Any = None) -> Answer:
         connection.close()
 
 
+class Press(NamedTuple):
+    """Of the e-stop: when, by the monotonic clock, and how long until it was confirmed; NaN where it was not."""
+
+    time_s: float
+    duration_s: float
+
+
+def press(port: int) -> Press:
+    """Press the e-stop, then clear it."""
+    pressed = time.monotonic()
+    answer = call(port, "POST", "/estop")
+    confirmed = answer.status == 200 and answer.body["latched"]
+    while call(port, "POST", "/estop/clear").status == 429 and time.monotonic() < pressed + TIMEOUT_S:
+        time.sleep(0.05)
+    return Press(pressed, answer.duration_s if confirmed else math.nan)
+
+
 class SoakConsole:
     """A server with its log in a file.
 
     Attributes:
         server: the processes.
-        presses: duration of each e-stop that was confirmed, s.
-        lost_estops: number of those that were not.
+        presses: of the e-stop; those that are made all along once they have ended.
     """
 
     def __init__(self, *arguments: str) -> None:
         self._log = tempfile.TemporaryFile("w+", errors="replace")  # noqa: SIM115 (closed by `stop`)
         self.server = ServerProcess(*arguments, errors=self._log)
-        self.presses: list[float] = []
-        self.lost_estops = 0
-        self._ended = threading.Event()
-        self._quiet = threading.Event()
-        self._presser = threading.Thread(target=self._press_on, daemon=True)
+        self.presses: list[Press] = []
+        context = multiprocessing.get_context("spawn")
+        self._ended, self._quiet, self._told = context.Event(), context.Event(), context.Queue()
+        # A process of its own: what an attack computes in this one shall not count as time that the console takes.
+        self._presser = context.Process(target=_press_on, args=(self.port, self._ended, self._quiet, self._told), daemon=True)
 
     @property
     def port(self) -> int:
@@ -69,18 +85,18 @@ class SoakConsole:
 
     def press(self) -> None:
         """Press the e-stop and count what comes of it; then clear it."""
-        answer = self.call("POST", "/estop")
-        if answer.status == 200 and answer.body["latched"]:
-            self.presses.append(answer.duration_s)
-        else:
-            self.lost_estops += 1
-        deadline = time.monotonic() + TIMEOUT_S
-        while self.call("POST", "/estop/clear").status == 429 and time.monotonic() < deadline:
-            time.sleep(0.05)
+        self.presses.append(press(self.port))
 
     def press_all_along(self) -> None:
         """Press twice a second from now on, but while it is `undisturbed`."""
         self._presser.start()
+
+    def end_presses(self) -> None:
+        """No more of them."""
+        self._ended.set()
+        while (told := self._told.get()) is not None:
+            self.presses.append(told)
+        self._presser.join()
 
     def undisturbed(self, quiet: bool) -> None:
         """Whether somebody else uses the robot now."""
@@ -103,15 +119,14 @@ class SoakConsole:
 
     def stop(self) -> None:
         """End it."""
-        self._ended.set()
-        if self._presser.is_alive():
-            self._presser.join()
         self.server.stop()
 
-    def _press_on(self) -> None:
-        while not self._ended.wait(PRESS_EVERY_S):
-            if not self._quiet.is_set():
-                self.press()
+
+def _press_on(port: int, ended: Any, quiet: Any, told: Any) -> None:
+    while not ended.wait(PRESS_EVERY_S):
+        if not quiet.is_set():
+            told.put(press(port))
+    told.put(None)
 
 
 def lies(state: dict[str, Any]) -> bool:
@@ -123,7 +138,7 @@ def lies(state: dict[str, Any]) -> bool:
     return 1.0 - 2.0 * (x * x + y * y) < math.cos(math.radians(60.0))
 
 
-def resident_mb(pid: int) -> float:
-    """Resident memory of a process."""
+def anonymous_mb(pid: int) -> float:
+    """Resident memory of a process that no file stands behind."""
     text = Path(f"/proc/{pid}/status").read_text()
-    return next(int(line.split()[1]) / 1e3 for line in text.splitlines() if line.startswith("VmRSS"))
+    return next(int(line.split()[1]) / 1e3 for line in text.splitlines() if line.startswith("RssAnon"))
