@@ -7,7 +7,8 @@ import math
 import resource
 from asyncio import Transport
 from collections.abc import Iterable
-from typing import Any, Protocol, runtime_checkable
+from operator import attrgetter
+from typing import Any, Protocol
 
 ADMITTED = "admitted"
 """Key in an ASGI scope's state: access control has let the request in, and it is being answered."""
@@ -21,7 +22,6 @@ def max_connections(files: int) -> int:
 MAX_CONNECTIONS = max_connections(resource.getrlimit(resource.RLIMIT_NOFILE)[0])
 
 
-@runtime_checkable
 class Guest(Protocol):
     """A connection.
 
@@ -38,9 +38,14 @@ class Guest(Protocol):
 
 
 def make_room(connections: Iterable[Any], newest: Guest) -> None:
-    """End the connection that waits longest without being admitted, unless there is no other than the newest."""
-    others = (other for other in connections if isinstance(other, Guest) and other is not newest)
-    longest = min((other for other in others if not other.admitted), key=lambda other: other.waiting_since_s, default=None)
+    """End the connection that waits longest without being admitted, unless there is no other than the newest.
+
+    Args:
+        connections: each a Guest; asking for that costs milliseconds a time, and this runs whenever one more comes.
+        newest: among them.
+    """
+    waiting = (guest for guest in connections if not guest.admitted and guest is not newest)
+    longest = min(waiting, key=attrgetter("waiting_since_s"), default=None)
     if longest is not None:
         longest.waiting_since_s = math.inf  # it has gone as soon as the event loop gets to it
         longest.transport.abort()

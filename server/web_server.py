@@ -27,8 +27,11 @@ PING_TIMEOUT_S = 0.9
 of server.websocket_protocol.SECOND_LOOK_S."""
 
 MAX_MESSAGE_BYTES = 64 * 2**20
-BACKLOG = 128
-"""Connections that the system accepts before this process has looked: so many files may be opened at once."""
+ACCEPTED_AT_ONCE = 128
+"""Connections: so many files may be opened before this process looks at any of them."""
+
+BACKLOG = 1024
+"""Connections that the system keeps until they are accepted. One that finds no room tries again a second later."""
 
 
 def run_web_server(config: ServerConfig, listener: socket.socket, operator: Operator, announce: Callable[[str], None]) -> None:
@@ -42,6 +45,7 @@ def run_web_server(config: ServerConfig, listener: socket.socket, operator: Oper
         port: int = listener.getsockname()[1]
 
         def on_started() -> None:
+            listener.listen(BACKLOG)  # uvicorn has but one number for both
             announce(page_address(config.host, port, config.token))
             if config.open_browser:
                 _open_browser(page_address(config.host, port, None if credentials is None else credentials.issue_ticket()))
@@ -57,7 +61,7 @@ def uvicorn_config(app: FastAPI) -> uvicorn.Config:
     return uvicorn.Config(
         app,
         http=GuardedHttpProtocol,
-        backlog=BACKLOG,
+        backlog=ACCEPTED_AT_ONCE,
         log_level="warning",
         log_config=None,
         access_log=False,
