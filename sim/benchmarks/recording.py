@@ -1,4 +1,4 @@
-"""What recording and history cost, and what they hold: `python -m sim.benchmarks.recording`.
+"""What recording and history cost, and what they hold: `python -m sim.benchmarks.recording`, a quarter of an hour.
 
 Shares are measured in turn within one run. Processor shares and the recorder's losses are meaningful on a quiet machine only.
 """
@@ -18,6 +18,7 @@ def main() -> None:
     """Run the benchmark."""
     # The recorder that is spawned imports this file, and shall not hold what it has no use for.
     from sim.benchmarks.recording_files import files, kills
+    from sim.benchmarks.recording_served import deadlines
     from sim.benchmarks.recording_ticks import again, history, recorder, ticks
 
     arguments = argument_parser(__doc__ or "").parse_args()
@@ -31,6 +32,8 @@ def main() -> None:
         history(report, 3.0 if quick else 60.0)
         report.progress("recorder at the robot's own pace")
         path = recorder(report, folder, 3.0 if quick else 60.0)
+        report.progress("deadlines of a console, in turn")
+        deadlines(report, folder / "console", 1 if quick else 10, 3.0 if quick else 30.0)
         report.progress("the pipeline again")
         again(report, path)
         report.progress("killed recorders")
