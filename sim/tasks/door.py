@@ -23,6 +23,12 @@ FACE_X_M = HINGE_X_M - 0.02
 BALL_M = 0.02
 GRIP_Y_M = -0.128
 """Of the place on the lever: the tip of a pressed lever comes nearer to its axis, and the stem would slide off."""
+NEARER_M, GRIPS = 0.035, 3
+"""How much nearer to its axis the lever is pressed again once the hand has slid off its tip, and how often it is tried."""
+BACK_M = 0.17
+"""From the leaf to before the lever."""
+SLID_OFF_Z_M = LEVER_HEIGHT_M - 0.13
+"""Lower than any grip: no lever is under the stem."""
 ON_GRIP_Z_M = LEVER_HEIGHT_M + 0.021 / np.cos(PITCH_RAD) - 0.04 * np.tan(PITCH_RAD)
 """Height of the ball when it touches the leaf and the stem lies on the level grip."""
 FREE_Z_M = 0.63
@@ -56,8 +62,9 @@ class Door:
     def __init__(self, options: Mapping[str, float]) -> None:
         self._push, self._most, self._unlatch = options["push_n"], options["most_n"], options["unlatch_n"]
         self._pushing_n, self._widest_rad, self._moved_s = 0.0, 0.0, 0.0
-        self._passed = False
+        self._passed = self._slid_off = False
         self._closed_rad = 0.0
+        self._grip_y_m = GRIP_Y_M
 
     def check(self, view: TaskView, limits: CommandLimits) -> None:
         """See Task."""
@@ -86,8 +93,19 @@ class Door:
     def phases(self) -> Iterator[Phase]:
         """See Task."""
         ready = np.array([0.58, GRIP_Y_M, 0.66])
-        over = np.array([FACE_X_M - 0.045, GRIP_Y_M, ON_GRIP_Z_M + 0.05])
         touching, moved = Lasting(CONTACT_S), Lasting(CONTACT_S)
+
+        def over() -> np.ndarray:
+            return np.array([FACE_X_M - 0.045, self._grip_y_m, ON_GRIP_Z_M + 0.05])
+
+        def low() -> np.ndarray:
+            return np.array([FACE_X_M - BACK_M, self._grip_y_m, SLID_OFF_Z_M])
+
+        def back(view: TaskView) -> Command:
+            return view.command(low(), pitch_rad=PITCH_RAD)
+
+        def above(view: TaskView) -> bool:
+            return view.phase_s > 1.0 and reached(view, over(), 0.015)
 
         def approach(view: TaskView) -> Command:
             off = START_X_M - float(view.position_m[0])
@@ -101,13 +119,17 @@ class Door:
         def press(view: TaskView) -> Command:
             down = min(PRESS_N, TOUCH_N + (PRESS_N - TOUCH_N) * max(0.0, view.phase_s - 0.6))
             self._pushing_n = TOUCH_N if view.phase_s < 1.6 else min(self._unlatch, 6.0 + 4.0 * (view.phase_s - 1.6))
-            point = np.array([FACE_X_M - BALL_M, GRIP_Y_M, ON_GRIP_Z_M])
+            point = np.array([FACE_X_M - BALL_M, self._grip_y_m, ON_GRIP_Z_M])
             return view.command(point, pitch_rad=PITCH_RAD, mask=(1, 0, 1), force_n=(-self._pushing_n, 0.0, down))
 
         def unlatched(view: TaskView) -> bool:
             angle, _ = self.leaf(view.hand_m)
             self._moved_s = view.time_s
             return moved(view, angle > 0.08 and view.hand_m[2] < ON_GRIP_Z_M - 0.015)
+
+        def slid_off(view: TaskView) -> bool:
+            self._slid_off = bool(view.hand_m[2] < SLID_OFF_Z_M)
+            return self._slid_off
 
         def touched(view: TaskView) -> bool:
             self._closed_rad += self.leaf(view.hand_m)[0]
@@ -168,23 +190,31 @@ class Door:
             return command
 
         yield Phase("approach", approach, in_place, limit_s=10.0, late="the robot does not come before the door", until=0.1)
-        yield Phase(
-            "reach",
-            lambda view: view.command(over, pitch_rad=PITCH_RAD),
-            lambda view: view.phase_s > 1.0 and reached(view, over, 0.015),
-            limit_s=5.0,
-            late="the hand does not come over the lever",
-            until=0.15,
-        )
-        yield Phase(
-            "touch",
-            lambda view: view.command(over, pitch_rad=PITCH_RAD, mask=(1, 0, 0), force_n=(-TOUCH_N, 0.0, 0.0)),
-            touched,
-            limit_s=5.0,
-            late="no door is met",
-            until=0.2,
-        )
-        yield Phase("press", press, unlatched, limit_s=9.0, late="the door does not come off its latch", until=0.35)
+        for grip in range(GRIPS):
+            if grip:  # the place of the door is known less well than was thought
+                self._grip_y_m -= NEARER_M
+                yield Phase("back", back, lambda view: reached(view, low()), limit_s=3.0, until=0.1)
+            yield Phase(
+                "reach",
+                lambda view: view.command(over(), pitch_rad=PITCH_RAD),
+                above,
+                limit_s=5.0,
+                late="the hand does not come over the lever",
+                until=0.15,
+            )
+            yield Phase(
+                "touch",
+                lambda view: view.command(over(), pitch_rad=PITCH_RAD, mask=(1, 0, 0), force_n=(-TOUCH_N, 0.0, 0.0)),
+                touched,
+                limit_s=5.0,
+                late="no door is met",
+                until=0.2,
+            )
+            late = "the door does not come off its latch"
+            pressed = unlatched if grip + 1 == GRIPS else lambda view: slid_off(view) or unlatched(view)
+            yield Phase("press", press, pressed, limit_s=9.0, late=late, until=0.35)
+            if not self._slid_off:
+                break
         yield Phase("push", push, wide, limit_s=25.0, late="the door is not wide enough", wrong=stalled, until=0.65)
         yield Phase("through", through, behind, limit_s=15.0, late="the robot does not come through", until=0.95)
         yield Phase(

@@ -12,8 +12,10 @@ from control.faults import Fault
 from control.frames import rotation_z
 from control.timing import CONTROL_PERIOD_S
 from control.types import Command, Odometry
+from sim.scenes.door import LEVER_HEIGHT_M
 from sim.scenes.valve import CENTER_HEIGHT_M, HANDLE_RADIUS_M
 from sim.tasks import TASKS, chosen_options, options_of
+from sim.tasks.door import GRIPS, NEARER_M
 from sim.tasks.runner import BACK_OFF_M, BACK_OFF_S, Outcome, TaskRunner
 from sim.tasks.standstill import Standstill
 from sim.tasks.task import Lasting, Option, Phase, RunningMean, TaskRefusedError, require_reach
@@ -259,6 +261,21 @@ def test_a_valve_is_turned_on_while_the_wheels_creep_aside_but_a_hand_off_its_ci
     inwards = np.array([0.0, 0.12, CENTER_HEIGHT_M]) - view.hand_m
     fallen = view.hand_m + 0.08 * inwards / np.linalg.norm(inwards[1:]) * [0.0, 1.0, 1.0]
     assert place.wrong(replace(view, hand_m=fallen)) == "the hand has slipped off the handle"
+
+
+def test_a_hand_that_slid_off_the_lever_presses_it_again_nearer_to_its_axis_and_not_for_ever() -> None:
+    task = TASKS["door"](chosen_options("door", {}))
+    low = replace(VIEW, phase_s=2.0, hand_m=np.array([0.52, -0.07, LEVER_HEIGHT_M - 0.3]))
+    names, pressed_at = [], []
+    for phase in task.phases():
+        names.append(phase.name)
+        if phase.name == "push":
+            break
+        if phase.name == "press":
+            pressed_at.append(phase.command(low).position_m[1])
+            assert phase.done(low) == (len(pressed_at) < GRIPS)
+    assert names == ["approach", "reach", "touch", "press", *["back", "reach", "touch", "press"] * (GRIPS - 1), "push"]
+    np.testing.assert_allclose(np.diff(pressed_at), -NEARER_M)
 
 
 def test_what_is_out_of_reach_is_refused_before_anything_moves() -> None:

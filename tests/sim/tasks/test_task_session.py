@@ -101,3 +101,10 @@ def test_the_board_is_wiped_on_estimates_alone() -> None:
     assert scored["success"] and scored["contact"] == "padded" and not scored["fell"]
     assert float(scored["position_rmse_cm"] or 9.0) < 2.9 and float(scored["contact_share"] or 0.0) > 0.98
     assert float(scored["control_rmse_n"] or 9.0) < 2.13 and float(scored["estimate_rmse_n"] or 9.0) < 2.74
+
+
+@pytest.mark.slow
+def test_a_door_opens_that_stands_aside_of_where_it_is_believed_by_half_of_its_lever() -> None:
+    trace = play(TaskPlan("door", 3, options={"site_x_m": 0.0, "site_y_m": 0.07, "site_yaw_rad": 0.0}))
+    assert (trace.outcome, trace.reason) == (Outcome.SUCCEEDED, "")
+    assert "back" in trace.phase
