@@ -4,6 +4,9 @@ import ipaddress
 import logging
 import socket
 
+BACKLOG = 1024
+"""Connections that the system keeps until they are accepted. One that finds no room tries again a second later."""
+
 _log = logging.getLogger(__name__)
 
 
@@ -23,7 +26,7 @@ def listen(host: str, port: int) -> socket.socket:
         both = False
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     try:
-        return socket.create_server((host, port), family=family, backlog=128, dualstack_ipv6=both)
+        return socket.create_server((host, port), family=family, backlog=BACKLOG, dualstack_ipv6=both)
     except OSError as error:
         raise PortInUseError(
             f"cannot listen on {host} port {port}: {error.strerror}. Is Forcelens running already? "

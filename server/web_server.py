@@ -15,6 +15,7 @@ from server.app import create_app
 from server.config import ServerConfig
 from server.credentials import Credentials, token_bytes
 from server.http_protocol import GuardedHttpProtocol
+from server.listening import BACKLOG
 from server.operator import Operator
 from server.page_entry import SECRET
 from server.push_test import PushTest
@@ -29,9 +30,6 @@ of server.websocket_protocol.SECOND_LOOK_S."""
 MAX_MESSAGE_BYTES = 64 * 2**20
 ACCEPTED_AT_ONCE = 128
 """Connections: so many files may be opened before this process looks at any of them."""
-
-BACKLOG = 1024
-"""Connections that the system keeps until they are accepted. One that finds no room tries again a second later."""
 
 
 def run_web_server(config: ServerConfig, listener: socket.socket, operator: Operator, announce: Callable[[str], None]) -> None:

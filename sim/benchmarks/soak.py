@@ -31,7 +31,7 @@ WARM_UP_SHARE = 0.1
 """Of the time, for each attack once before memory counts: what is loaded at the first call, and room for the most connections,
 is taken once and kept."""
 
-_STEP_S = 5.0
+_STEP_S = 5.0  # simulated per call, while the history fills
 
 SETTLE_S = 60.0
 NOTICED_S = 1.0
