@@ -24,7 +24,8 @@ class WheelConfig:
     """Gains of the drive.
 
     Attributes:
-        yaw_gain: of the yaw rate error; skid steering turns less than its kinematics.
+        yaw_gain: of the yaw rate error; skid steering turns less than its kinematics. Wheels that spin faster also hold less
+            against scrubbing sideways: with a gain of 1 the hips saturate in the turn of a hand led aside, and give it up.
         yaw_integral_gain: 1/s.
         effort_start, effort_end: shares of its torque limit. Turning scrubs the wheels sideways and loads hips and thighs:
             as the busiest of them goes from one to the other, the turn is given up. Saturated (1.0), a leg would splay and
@@ -35,8 +36,8 @@ class WheelConfig:
         hold_limit_rps: of the correction.
     """
 
-    yaw_gain: float = 0.8
-    yaw_integral_gain: float = 2.0
+    yaw_gain: float = 3.0
+    yaw_integral_gain: float = 4.0
     effort_start: float = 0.9
     effort_end: float = 1.0
     full_turn_support: float = 0.3

@@ -109,8 +109,8 @@ class Client:
 
     def field(self, label: str) -> Locator:
         """The widget with a label: a checkbox, a dropdown, or a slider's track."""
-        target = self.viser.locator("label", has_text=label).get_attribute("for")
-        return self.viser.locator(f'[id="{target}"]')
+        # One look for both: a widget drawn anew gets another id.
+        return self.viser.locator(f'xpath=//*[@id = //label[contains(., "{label}")]/@for]')
 
     def number(self, label: str) -> Locator:
         """A slider's number field."""

@@ -80,9 +80,9 @@ def test_another_scene_resets_the_command_and_the_page_says_so(client: Client, a
     notice = client.viser.get_by_text("The robot is at its start, and")
     for load in (lambda: client.choose("Scene", "box"), lambda: api.call("PUT", "scene", {"name": "free"})):
         client.show_tab("Setup")
-        eventually(lambda: not notice.is_visible(), "nothing is said yet")
+        eventually(lambda: notice.count() == 0, "nothing is said yet")
         load()
-        notice.wait_for()
+        notice.first.wait_for()
         client.show_tab("Command")
         eventually(lambda: not client.field("z: force").is_checked(), "the axis shows its default")
         assert api.state()["command"]["mask"] == [0, 0, 0] and api.state()["command"]["force_n"] == [0.0, 0.0, 0.0]

@@ -40,13 +40,13 @@ def client() -> Iterator[ControlClient]:
     client = ControlClient(ControlLaunch(make_session=FakeSession))
     client.start()
     client.wait_ready()
+    eventually(lambda: client.snapshot() is not None)
     yield client
     client.close()
 
 
 def test_it_says_what_can_be_selected_and_publishes(client: ControlClient) -> None:
     assert client.wait_ready()["estimators"] == ["adaptive"]
-    eventually(lambda: client.snapshot() is not None)
     first = int(client.require_snapshot()["sequence"])
     eventually(lambda: int(client.require_snapshot()["sequence"]) > first + 3)
 

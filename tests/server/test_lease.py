@@ -205,14 +205,14 @@ def test_a_page_is_known_by_its_cookie(server: RunningServer) -> None:
 
 def test_the_audit_log_tells_who_did_what(server: RunningServer, caplog: pytest.LogCaptureFixture) -> None:
     caplog.set_level(logging.INFO, "forcelens.audit")
-    token = {LEASE_HEADER: take(server, "Ada")}
+    token = {LEASE_HEADER: take(server, "Hedy")}  # Of nobody else's name: lines alike within a second become one.
     server.http.patch(f"{API}command", json={"force_n": [0, 0, 5]}, headers=token)
     server.http.put(f"{API}scene", json={"name": "moon"}, headers=token)
     server.http.patch(f"{API}command", json={"force_n": [0, 0, 1]})
     server.http.delete(f"{API}lease", headers=token)
     lines = [record.getMessage() for record in caplog.records]
-    who = "Ada (script at 127.0.0.1)"
+    who = "Hedy (script at 127.0.0.1)"
     assert f"{who}: take_lease" in lines
     assert f"{who}: patch_command force_n=[0.0, 0.0, 5.0]" in lines
     assert any(line.startswith(f"{who}: set_scene name='moon'") and " refused: " in line for line in lines)
-    assert any(line.startswith("script at 127.0.0.1: patch_command") and "refused: Ada drives" in line for line in lines)
+    assert any(line.startswith("script at 127.0.0.1: patch_command") and "refused: Hedy drives" in line for line in lines)

@@ -7,6 +7,7 @@ import pytest
 
 from control.paths import WEIGHTS_DIRECTORY
 from sim.trials.pull import MODES, Pull, incline, pull
+from sim.trials.task_trial import TaskPlan, play
 from sim.trials.trial import Trial, controller_setups
 
 POLICY = controller_setups(WEIGHTS_DIRECTORY)["policy"]
@@ -37,6 +38,23 @@ def test_jerks_at_the_rate_of_the_trunk_do_not_rock_it_over(
     result = pull(Pull(replace(POLICY, mass_scale=mass_scale), mode, 40.0, direction, 0.05, True, seed))
     assert not result.fell and not result.self_contact
     assert result.tilt_deg < 12.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("direction", [(-1.0, 0.0, 1.0), (-1.0, 0.4, 1.0), (-0.7, 0.0, 1.0)])
+def test_a_sudden_pull_back_and_up_lifts_no_wheels_for_good(direction: tuple[float, float, float]) -> None:
+    light = replace(controller_setups(WEIGHTS_DIRECTORY)["model_based"], mass_scale=0.8)
+    result = pull(Pull(light, "guidance", 40.0, direction, 0.05, False, seed=2403))
+    assert not result.fell and not result.self_contact
+    assert result.tilt_deg < 12.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [875, 878])
+def test_a_hand_led_aside_turns_the_robot_with_it(seed: int) -> None:
+    trace = play(TaskPlan("guidance", seed, controller="model_based", options={"lead_s": 22.0}))
+    assert len(trace.leads) == 3
+    assert all(progress > 0.4 and force < 13.0 for progress, force in trace.leads)
 
 
 def test_a_floor_rises_under_the_robot_which_stands_on_it_upright() -> None:
