@@ -1,5 +1,6 @@
 """The web process' two servers: the 3-D scene, which has no port, and uvicorn with everything that browsers reach."""
 
+import gc
 import os
 import socket
 import sys
@@ -93,6 +94,9 @@ class _Server(uvicorn.Server):
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         await super().startup(sockets)
+        # What is there by now stays: looking through it for garbage again and again held every call up by 0.1 s.
+        gc.collect()
+        gc.freeze()
         self._on_started()
 
 

@@ -37,7 +37,7 @@ class WheelConfig:
     """
 
     yaw_gain: float = 3.0
-    yaw_integral_gain: float = 4.0
+    yaw_integral_gain: float = 2.0
     effort_start: float = 0.9
     effort_end: float = 1.0
     full_turn_support: float = 0.3
