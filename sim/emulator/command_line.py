@@ -22,6 +22,7 @@ from sim.emulator.emulator import Emulator, EmulatorConfig
 from sim.emulator.orders import obey
 from sim.processes.realtime import request_realtime
 from sim.processes.starting import Starting
+from sim.scenes import SCENE_NAMES
 
 FIFO_PRIORITY = 25
 """A robot's board is never late because of another program on this machine."""
@@ -44,7 +45,9 @@ def parser() -> argparse.ArgumentParser:
     arguments.add_argument("--lockstep", action="store_true", help="step when the command for the last state has arrived")
     arguments.add_argument("--released", action="store_true", help="no motion program owns the motors at the start")
     arguments.add_argument("--duration", type=float, help="seconds to run (default: until interrupted)")
-    arguments.add_argument("--seed", type=int, default=0, help="of sensor errors and random faults")
+    arguments.add_argument("--seed", type=int, default=0, help="of sensor errors, random faults and the scene's parameters")
+    arguments.add_argument("--scene", choices=SCENE_NAMES, default="free", help="that it stands in (default free)")
+    arguments.add_argument("--behind", type=float, default=0.0, metavar="M", help="how far behind the simulation's place in it")
     arguments.add_argument("--fault", action="append", default=[], metavar="JSON", help='faults from the start: {"drop": 0.01}')
     return arguments
 
@@ -59,6 +62,8 @@ def run(arguments: Sequence[str] | None, starting: Starting) -> int:
         link = DdsRobotLink(DdsConfig(options.domain, options.interface, options.allow_robot, options.multicast))
         config = EmulatorConfig(
             seed=options.seed,
+            scene=options.scene,
+            behind_m=options.behind,
             mode="" if options.released else DEFAULT_MODE,
             arm=ArmPorts(options.arm_port, options.arm_port + 1),
         )

@@ -27,13 +27,16 @@ class EmulatorConfig:
 
     Attributes:
         sensors: errors of the emulated robot's sensors.
-        seed: of sensor errors and random faults.
+        seed: of sensor errors, random faults and what the scene draws.
+        scene, behind_m: where the robot is switched on, see RobotBody.
         mode: motion program that owns the motors at power-on; empty for none.
         arm: UDP ports of the arm.
     """
 
     sensors: SensorConfig = field(default_factory=SensorConfig)
     seed: int = 0
+    scene: str = "free"
+    behind_m: float = 0.0
     mode: str = DEFAULT_MODE
     arm: ArmPorts = field(default_factory=ArmPorts)
 
@@ -50,7 +53,7 @@ class Emulator:
 
     def __init__(self, config: EmulatorConfig, link: RobotLink) -> None:
         self.faults = Faults()
-        self.body = RobotBody(config.sensors, config.seed)
+        self.body = RobotBody(config.sensors, config.seed, config.scene, config.behind_m)
         self.base = BaseBoard(link, self.body, self.faults, config.seed + 10, config.mode)
         self.arm = ArmController(config.arm, self.body, self.faults, config.seed + 20)
         self.command = JointCommand(*(np.zeros(JOINT_COUNT) for _ in range(5)))

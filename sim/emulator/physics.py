@@ -3,8 +3,9 @@
 import numpy as np
 
 from control.joints import ARM_SLICE, JOINT_COUNT, LEG_SLICE, NOMINAL_POSITION, TORQUE_LIMIT
-from control.timing import TICK_S
+from control.timing import SLOT_COUNT, TICK_S
 from control.types import JointCommand, SensorFrame
+from sim import scenes
 from sim.backends.hardware.io.motions import ARM_FOLDED, CROUCH_LEGS
 from sim.backends.simulation.mujoco_backend import MujocoBackend
 from sim.backends.simulation.sensors import SensorConfig
@@ -31,13 +32,31 @@ def hold(posture: np.ndarray) -> JointCommand:
 
 
 class RobotBody:
-    """Physics at 500 Hz. `backend` is the simulator, for drags and truth in tests and benchmarks."""
+    """Physics at 500 Hz.
 
-    def __init__(self, sensors: SensorConfig, seed: int) -> None:
-        self.backend = MujocoBackend(sensors=sensors, seed=seed)
+    Attributes:
+        backend: the simulator, for drags and truth in tests and benchmarks.
+        temperature: (22,) of the motors, degrees Celsius.
+        time_s: since it was switched on.
+        readings: of the scene, by name, of the last control period.
+    """
+
+    def __init__(self, sensors: SensorConfig, seed: int, scene: str = "free", behind_m: float = 0.0) -> None:
+        """`scene` of sim.scenes.SCENE_NAMES is what it is in, with parameters as `seed` draws them.
+
+        Args:
+            behind_m: how far behind the place where the simulation's robot stands. It needs room to rise and to unfold its arm.
+
+        Raises:
+            ValueError: no scene has this name.
+        """
+        self.backend = MujocoBackend(scenes.build(scene, scenes.draw(scene, seed)), sensors, seed)
         self.backend.open()
+        self.backend.data.qpos[0] -= behind_m
+        self.readings = self.backend.readings()
         self.temperature = np.full(JOINT_COUNT, AMBIENT_C)
         self.time_s = 0.0
+        self._ticks = 0
         self._settle()
 
     @property
@@ -52,6 +71,9 @@ class RobotBody:
         load = np.minimum(np.abs(self.frame.joint_torque) / TORQUE_LIMIT, 1.0)
         cooling = (self.temperature - AMBIENT_C) / COOLING_TIME_S
         self.temperature += TICK_S * (HEATING_C_PER_S * load * load - cooling)
+        self._ticks += 1
+        if self._ticks % SLOT_COUNT == 0:
+            self.readings = self.backend.readings()
 
     def _settle(self) -> None:
         """Lower the robot from the simulator's stance to how it is switched on."""
