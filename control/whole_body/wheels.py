@@ -16,7 +16,7 @@ from control.whole_body.task_memory import TASK_MEMORY
 from control.whole_body.task_signals import TASK_SIGNALS, stands
 
 _FIRST = WHEEL_SLICE.start
-_HIPS_AND_THIGHS = (0, 1, 3, 4, 6, 7, 9, 10)
+_HIPS, _THIGHS = (0, 3, 6, 9), (1, 4, 7, 10)
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,9 +27,11 @@ class WheelConfig:
         yaw_gain: of the yaw rate error; skid steering turns less than its kinematics. Wheels that spin faster also hold less
             against scrubbing sideways: with a gain of 1 the hips saturate in the turn of a hand led aside, and give it up.
         yaw_integral_gain: 1/s.
-        effort_start, effort_end: shares of its torque limit. Turning scrubs the wheels sideways and loads hips and thighs:
-            as the busiest of them goes from one to the other, the turn is given up. Saturated (1.0), a leg would splay and
-            the robot fall.
+        effort_start, effort_end: shares of its torque limit. Turning scrubs the wheels sideways and loads the hips: as the
+            busiest of them goes from one to the other, the turn is given up. Saturated (1.0), a leg would splay and the robot
+            fall.
+        push_start, push_end: the same of the thighs, which bear what the wheels push. They follow the turn at once, so they
+            stay below what a robot's drives take for long (sim.backends.hardware.limits).
         full_turn_support: load of the least loaded wheel over the mean load: below it the turn is given up in proportion.
         relief_time_s: in which a turn that was given up is taken up again.
         hold_gain: 1/s, of the wheel angles that are held while the robot is commanded to stand.
@@ -40,6 +42,8 @@ class WheelConfig:
     yaw_integral_gain: float = 2.0
     effort_start: float = 0.9
     effort_end: float = 1.0
+    push_start: float = 0.75
+    push_end: float = 0.9
     full_turn_support: float = 0.3
     relief_time_s: float = 0.5
     hold_gain: float = 2.0
@@ -56,10 +60,13 @@ WHEEL_STATE = record(given_up=(), held_shift=())
 @kernel("f8(Wheels, Signals, f8, State)", Wheels=WHEELS, Signals=TASK_SIGNALS, State=WHEEL_STATE)
 def _bearable_turn(wheels: np.record, signals: np.record, support: float, state: np.record) -> float:
     """Share of the turn, 0 to 1, that the legs can bear; falls at once and recovers slowly."""
-    effort = 0.0
-    for joint in _HIPS_AND_THIGHS:
+    effort = push = 0.0
+    for joint in _HIPS:
         effort = max(effort, abs(signals.joint_torque[joint]) / TORQUE_LIMIT[joint])
+    for joint in _THIGHS:
+        push = max(push, abs(signals.joint_torque[joint]) / TORQUE_LIMIT[joint])
     bearable = clip((wheels.effort_end - effort) / (wheels.effort_end - wheels.effort_start), 0.0, 1.0)
+    bearable *= clip((wheels.push_end - push) / (wheels.push_end - wheels.push_start), 0.0, 1.0)
     bearable *= clip(support / wheels.full_turn_support, 0.0, 1.0)
     state.given_up = max(1.0 - bearable, state.given_up - CONTROL_PERIOD_S / wheels.relief_time_s)
     return 1.0 - state.given_up
