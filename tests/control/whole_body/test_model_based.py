@@ -34,6 +34,7 @@ from control.whole_body.stance import STANCE_STATE, StanceConfig, shifted_postur
 from control.whole_body.task_memory import TaskMemory, TaskMemoryConfig
 from control.whole_body.task_signals import TASK_SIGNALS, task_signals
 from control.whole_body.wheels import WHEEL_STATE, WHEELS, WheelConfig, wheel_targets
+from sim.backends.hardware.limits import HardwareLimits
 from sim.backends.simulation.wrenches import Spring
 from sim.runtime.simulation import Simulation
 
@@ -295,8 +296,8 @@ def driving(forward=0.0, yaw=0.0, torque=0.0, wheel_angle=0.0):
     return signals
 
 
-SATURATED = -1.1 * TORQUE_LIMIT[4]
-"""Torque of a thigh."""
+SATURATED = -HardwareLimits().torque_fraction * TORQUE_LIMIT[4]
+"""Torque of a thigh for which the drives of a robot would damp, were it to last."""
 
 
 def test_wheels_roll_at_the_commanded_speed_plus_what_their_drag_needs(model):
