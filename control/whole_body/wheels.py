@@ -26,6 +26,7 @@ class WheelConfig:
     Attributes:
         yaw_gain: of the yaw rate error; skid steering turns less than its kinematics. Wheels that spin faster also hold less
             against scrubbing sideways: with a gain of 1 the hips saturate in the turn of a hand led aside, and give it up.
+        yaw_push_limit_rps: of what that adds: a hand jerked aside swings the robot, and the wheels shall not swing it on.
         yaw_integral_gain: 1/s.
         effort_start, effort_end: shares of its torque limit. Turning scrubs the wheels sideways and loads the hips: as the
             busiest of them goes from one to the other, the turn is given up. Saturated (1.0), a leg would splay and the robot
@@ -39,10 +40,11 @@ class WheelConfig:
     """
 
     yaw_gain: float = 3.0
+    yaw_push_limit_rps: float = 0.5
     yaw_integral_gain: float = 2.0
     effort_start: float = 0.9
     effort_end: float = 1.0
-    push_start: float = 0.75
+    push_start: float = 0.85
     push_end: float = 0.9
     full_turn_support: float = 0.3
     relief_time_s: float = 0.5
@@ -115,7 +117,8 @@ def wheel_targets(
             out[wheel] = wheel_torque[wheel] / DAMPING[_FIRST + wheel] + shift + hold
         return
     state.held_shift = 0.0
-    turn = yaw + wheels.yaw_gain * (yaw - signals.yaw_rate) + wheels.yaw_integral_gain * memory.yaw_integral
+    push = clip(wheels.yaw_gain * (yaw - signals.yaw_rate), -wheels.yaw_push_limit_rps, wheels.yaw_push_limit_rps)
+    turn = yaw + push + wheels.yaw_integral_gain * memory.yaw_integral
     turn = _bearable_turn(wheels, signals, support, state) * (turn + correction.base_velocity[1])
     for wheel in range(4):
         lateral = 0.0
