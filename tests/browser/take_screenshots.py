@@ -33,7 +33,8 @@ def dragging(client: Client, api: Api, path: Path) -> None:
 def stopped(client: Client, api: Api, path: Path) -> None:
     """The e-stop, latched and at rest."""
     client.page.get_by_test_id("estop").click()
-    api.until(lambda state: state["mode"] == "estop", "the e-stop latches")
+    latched_s = api.until(lambda state: state["mode"] == "estop", "the e-stop latches")["time_s"]
+    api.until(lambda state: state["time_s"] > latched_s + 1.0, "the robot sinks")
     api.until(lambda state: max(map(abs, state["joints"]["velocity"])) < 0.05, "the robot rests")
     next_frames(client)
     next_frames(client)
