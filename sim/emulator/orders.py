@@ -50,7 +50,6 @@ def report(emulator: Emulator) -> dict[str, Any]:
         "base_position_m": truth.base_position.tolist(),
         "base_yaw_rad": math.atan2(heading[1, 0], heading[0, 0]),
         "hand_force_n": truth.force_true_n.tolist(),
-        "hand_position_m": truth.end_effector_position.tolist(),
         "readings": emulator.body.readings,
         "motion_program": emulator.base.mode,
         "frames_obeyed": emulator.base.accepted,

@@ -56,7 +56,6 @@ class RobotBody:
         self.readings = self.backend.readings()
         self.temperature = np.full(JOINT_COUNT, AMBIENT_C)
         self.time_s = 0.0
-        self._ticks = 0
         self._settle()
 
     @property
@@ -71,8 +70,7 @@ class RobotBody:
         load = np.minimum(np.abs(self.frame.joint_torque) / TORQUE_LIMIT, 1.0)
         cooling = (self.temperature - AMBIENT_C) / COOLING_TIME_S
         self.temperature += TICK_S * (HEATING_C_PER_S * load * load - cooling)
-        self._ticks += 1
-        if self._ticks % SLOT_COUNT == 0:
+        if round(self.time_s / TICK_S) % SLOT_COUNT == 0:
             self.readings = self.backend.readings()
 
     def _settle(self) -> None:
