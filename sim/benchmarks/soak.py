@@ -5,6 +5,7 @@ wrenches, and random valid use in windows, while its e-stop is pressed all along
 otherwise quiet machine only. It needs `pip install -e ".[soak]"`.
 """
 
+import json
 import math
 import random
 import threading
@@ -91,11 +92,10 @@ def _is_control(pid: int) -> bool:
 
 
 def warm_up(report: Report, console: SoakConsole, duration_s: float) -> None:
-    """Each attack once, each scene, and a history that is full."""
-    for name in SCENES:
-        console.call("PUT", "/scene", {"name": name})
-    generated_calls(console.port, report.seed + 1, 0.6 * duration_s)
+    """Each attack and each kind of use once, and a history that is full."""
+    generated_calls(console.port, report.seed + 1, 0.4 * duration_s)
     raw_sockets(console.port, report.seed + 1, 0.2 * duration_s)
+    use(report, console, random.Random(report.seed + 1), 0.2 * duration_s)
     flood(console.port, report.seed + 1, 0.2 * duration_s)
     console.call("POST", "/estop/clear")
     console.call("POST", "/reset", {})
@@ -158,28 +158,29 @@ class Growth:
         return slopes_mb
 
 
-def use(report: Report, console: SoakConsole, dice: random.Random, duration_s: float) -> tuple[int, int]:
-    """Random valid use in windows that begin with a reset; falls, and calls that were not answered as they should."""
-    console.undisturbed(True)
+def use(report: Report, console: SoakConsole, dice: random.Random, duration_s: float) -> tuple[int, int, int]:
+    """Random valid use in windows that begin with a reset: windows, falls, and calls that were not answered as they should."""
     falls = failed = windows = 0
     end = time.monotonic() + duration_s
-    while time.monotonic() < end:
-        console.call("POST", "/estop/clear")
-        answers = [console.call("PUT", "/scene", {"name": dice.choice(SCENES)}).status]
-        answers.append(console.call("POST", "/run", {"state": "running", "speed": 1.0}).status)
-        until = time.monotonic() + USE_S
-        while time.monotonic() < until:
-            method, path, body = _valid_call(dice)
-            answers.append(console.call(method, path, body).status)
-            time.sleep(dice.uniform(0.05, 0.4))
-        state = console.call("GET", "/state")
-        falls += state.status == 200 and lies(state.body)
-        failed += sum(status == 0 or status >= 400 for status in answers)
-        windows += 1
-        console.press()
-    console.undisturbed(False)
-    value(report, "random valid use", "windows", windows, "")
-    return falls, failed
+    with console.undisturbed():
+        while time.monotonic() < end:
+            console.call("POST", "/estop/clear")
+            answers = [console.call("PUT", "/scene", {"name": dice.choice(SCENES)}).status]
+            answers.append(console.call("POST", "/run", {"state": "running", "speed": 1.0}).status)
+            calls: list[Any] = []
+            until = time.monotonic() + USE_S
+            while time.monotonic() < until:
+                calls.append(_valid_call(dice))
+                answers.append(console.call(*calls[-1]).status)
+                time.sleep(dice.uniform(0.05, 0.4))
+            state = console.call("GET", "/state")
+            if state.status == 200 and lies(state.body):
+                falls += 1
+                report.progress(f"fell in window {windows}: {json.dumps(calls)}")
+            failed += sum(status == 0 or status >= 400 for status in answers)
+            windows += 1
+            console.press()
+    return windows, falls, failed
 
 
 def _valid_call(dice: random.Random) -> tuple[str, str, dict[str, Any]]:
@@ -220,7 +221,8 @@ def soak(report: Report, duration_s: float) -> None:
     phases.begin("flood at the maximum of wrenches")
     lost_calls = overload(report, console, 0.2 * duration_s)
     phases.begin("random valid use")
-    falls, failed = use(report, console, random.Random(report.seed), 0.25 * duration_s)
+    windows, falls, failed = use(report, console, random.Random(report.seed), 0.25 * duration_s)
+    value(report, "random valid use", "windows", windows, "")
     growth_mb = growth.finish(report, phases)
     console.end_presses()
     lost_processes, tracebacks = console.lost_processes(), console.tracebacks()

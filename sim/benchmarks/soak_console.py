@@ -6,6 +6,7 @@ import math
 import multiprocessing
 import tempfile
 import time
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -70,9 +71,9 @@ class SoakConsole:
         self.server = ServerProcess(*arguments, errors=self._log)
         self.presses: list[Press] = []
         context = multiprocessing.get_context("spawn")
-        self._ended, self._quiet, self._told = context.Event(), context.Event(), context.Queue()
+        self._ended, self._robot, self._told = context.Event(), context.Lock(), context.Queue()
         # A process of its own: what an attack computes in this one shall not count as time that the console takes.
-        self._presser = context.Process(target=_press_on, args=(self.port, self._ended, self._quiet, self._told), daemon=True)
+        self._presser = context.Process(target=_press_on, args=(self.port, self._ended, self._robot, self._told), daemon=True)
 
     @property
     def port(self) -> int:
@@ -98,12 +99,9 @@ class SoakConsole:
             self.presses.append(told)
         self._presser.join()
 
-    def undisturbed(self, quiet: bool) -> None:
-        """Whether somebody else uses the robot now."""
-        if quiet:
-            self._quiet.set()
-        else:
-            self._quiet.clear()
+    def undisturbed(self) -> AbstractContextManager[Any]:
+        """The robot for somebody else: a press that has begun ends first, none begins within."""
+        return self._robot
 
     def lost_processes(self) -> int:
         """How many of its two processes do not run any more."""
@@ -122,9 +120,9 @@ class SoakConsole:
         self.server.stop()
 
 
-def _press_on(port: int, ended: Any, quiet: Any, told: Any) -> None:
+def _press_on(port: int, ended: Any, robot: Any, told: Any) -> None:
     while not ended.wait(PRESS_EVERY_S):
-        if not quiet.is_set():
+        with robot:
             told.put(press(port))
     told.put(None)
 
