@@ -34,6 +34,9 @@ is taken once and kept."""
 
 _STEP_S = 5.0  # simulated per call, while the history fills
 
+WORDS = 2000
+"""Of the log that are shown of each traceback."""
+
 SETTLE_S = 60.0
 NOTICED_S = 1.0
 """A control process that was killed is known to be dead by then."""
@@ -228,11 +231,13 @@ def soak(report: Report, duration_s: float) -> None:
     lost_processes, tracebacks = console.lost_processes(), console.tracebacks()
     console.stop()
     lost_estops, p99 = estops(report, console.presses, phases)
-    errors = generated.count("not_a_server_error") + tracebacks
+    for words in tracebacks:
+        report.progress(words[:WORDS])
+    errors = generated.count("not_a_server_error") + len(tracebacks)
     report.bars += [
         at_most("server errors", errors, 0.0, ""),
         at_most("invalid inputs accepted", generated.count("negative_data_rejection"), 0.0, ""),
-        at_most("other answers unlike the document", len(generated.failures) - errors + tracebacks, 0.0, ""),
+        at_most("other answers unlike the document", len(generated.failures) - errors + len(tracebacks), 0.0, ""),
         at_most("orders of kills not survived", dead, 0.0, ""),
         at_most("processes lost", lost_processes, 0.0, ""),
         at_most("e-stops lost", lost_estops + lost_at_kills, 0.0, ""),

@@ -15,6 +15,7 @@ from sim.benchmarks.server_process import ServerProcess, children
 API = "/api/v1"
 PRESS_EVERY_S = 0.5
 TIMEOUT_S = 30.0
+_TRACEBACK = "Traceback (most recent call last)"
 
 
 class Answer(NamedTuple):
@@ -110,10 +111,10 @@ class SoakConsole:
         except FileNotFoundError:
             return 2
 
-    def tracebacks(self) -> int:
+    def tracebacks(self) -> list[str]:
         """Of the log so far."""
         self._log.seek(0)
-        return self._log.read().count("Traceback (most recent call last)")
+        return self._log.read().split(_TRACEBACK)[1:]
 
     def stop(self) -> None:
         """End it."""

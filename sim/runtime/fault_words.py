@@ -73,7 +73,9 @@ def fault_words(record: np.void) -> dict[str, str]:
 
 def drive_fault_words(record: np.void) -> list[str]:
     """Words for each fault of a robot's drives; none in simulation."""
-    return states.describe(states.Trip(int(record["drive_faults"]))) if on_hardware(record) else []
+    if not on_hardware(record):
+        return []
+    return states.describe(states.Trip(int(record["drive_faults"])), int(record["drive_fault_joints"]))
 
 
 def message(record: np.void) -> str | None:

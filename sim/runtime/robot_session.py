@@ -94,6 +94,7 @@ class RobotSession(Session[HardwareBackend]):
         backend = self.backend
         record["scene"] = "robot"
         record["drive_state"], record["drive_faults"] = backend.state, int(backend.faults)
+        record["drive_fault_joints"] = backend.fault_joints
         record["dry_run"] = backend.config.dry_run
         if backend.state != DriveState.POLICY:
             record["faults"] &= int(WATCHING_FAULTS)

@@ -56,8 +56,9 @@ SNAPSHOT = np.dtype(
         ("estimator_error", "S160"),  # of the estimators that failed
         ("failure", "S160"),  # why the backend steps no more, and the cure; empty while it does
         ("backend", NAME),
-        ("drive_state", "u1"),  # sim.backends.hardware.states.DriveState; on hardware only, as the next two
+        ("drive_state", "u1"),  # sim.backends.hardware.states.DriveState; on hardware only, as the next three
         ("drive_faults", "u4"),  # Trip bits
+        ("drive_fault_joints", "u4"),  # whose they are: sim.backends.hardware.states.joint_bits
         ("dry_run", "?"),  # nothing is sent to the robot
         ("scene", NAME),
         ("controller", NAME),

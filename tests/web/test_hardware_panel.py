@@ -118,3 +118,7 @@ def test_a_fault_of_the_drives_is_an_alert(on_robot: np.void) -> None:
     on_robot["mode"], on_robot["drive_faults"] = Mode.FAULT, int(Trip.TILT | Trip.STALE_COMMAND)
     alert = alert_text(on_robot)
     assert alert is not None and "the control process is silent; the base is tilted" in alert[0]
+    on_robot["drive_faults"] = int(Trip.TORQUE | Trip.TILT)
+    on_robot["drive_fault_joints"] = 1 << JOINT_NAMES.index("RL_thigh")
+    alert = alert_text(on_robot)
+    assert alert is not None and "the base is tilted; a motor is at its torque limit: RL_thigh" in alert[0]

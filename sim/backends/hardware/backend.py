@@ -141,6 +141,11 @@ class HardwareBackend:
         """Why the drives damp, as of the last `read` or `status`."""
         return Trip(int(self._record["faults"]))
 
+    @property
+    def fault_joints(self) -> int:
+        """Whose those are (`states.joint_bits`)."""
+        return int(self._record["fault_joints"])
+
     def estop(self) -> None:
         """Latch FAULT: damping from the I/O process's next tick on."""
         self._opened.estop = True

@@ -34,6 +34,7 @@ IO_TICK = np.dtype(
         ("tick_work_ms", "f4"),
         ("worst_period_ms", "f4"),  # of the last second
         ("faults", "u4"),  # Trip bits
+        ("fault_joints", "u4"),  # states.joint_bits
         ("state", "u1"),  # DriveState
         ("engaging", "?"),
         ("refused", "?"),  # the last request was; message says why

@@ -2,6 +2,10 @@
 
 from enum import IntEnum, IntFlag
 
+import numpy as np
+
+from control.joints import JOINT_NAMES
+
 
 class DriveState(IntEnum):
     """DISCONNECTED -> OBSERVE -> DAMPED -> STANDING_UP -> READY -> POLICY -> SITTING -> DAMPED; FAULT from anywhere.
@@ -113,6 +117,15 @@ TRIP_TEXT: dict[Trip, str] = {
 }
 
 
-def describe(trips: Trip) -> list[str]:
-    """One text per bit."""
-    return [text for trip, text in TRIP_TEXT.items() if trip in trips]
+_OF_JOINTS = Trip.NOT_FINITE | Trip.JOINT_LIMIT | Trip.JOINT_VELOCITY | Trip.TORQUE | Trip.TEMPERATURE | Trip.STUCK_ENCODER
+
+
+def joint_bits(joints: np.ndarray) -> int:
+    """The joints (22,) bool as a number: bit i is joint i."""
+    return sum(1 << int(joint) for joint in np.flatnonzero(joints))
+
+
+def describe(trips: Trip, joints: int = 0) -> list[str]:
+    """One text per bit; where it is of joints, with the names of `joints` (see `joint_bits`)."""
+    names = ", ".join(name for joint, name in enumerate(JOINT_NAMES) if joints >> joint & 1)
+    return [f"{text}: {names}" if names and trip in _OF_JOINTS else text for trip, text in TRIP_TEXT.items() if trip in trips]

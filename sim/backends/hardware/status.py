@@ -70,7 +70,7 @@ def status_from_record(record: np.void, now: float) -> HardwareStatus:
     motors = zip(JOINT_NAMES, record["temperature"], record["sensors"][-JOINT_COUNT:], lost, strict=True)
     return HardwareStatus(
         state=DriveState(int(record["state"])),
-        faults=tuple(describe(Trip(int(record["faults"])))),
+        faults=tuple(describe(Trip(int(record["faults"])), int(record["fault_joints"]))),
         warnings=tuple(describe(Trip(int(record["warnings"])))),
         message=bytes(record["message"]).decode(errors="replace"),
         engaging=bool(record["engaging"]),

@@ -91,7 +91,7 @@ def test_an_error_of_our_own_damps(driving: Rig, tmp_path: Path, monkeypatch: py
 def test_nan_in_a_state_never_reaches_a_motor(driving: Rig, joint: str) -> None:
     driving.emulator.faults.nan = joint
     assert trip(driving, 0.1) <= 2 * TICK_S
-    assert driving.supervisor.faults == Trip.NOT_FINITE
+    assert driving.supervisor.faults == Trip.NOT_FINITE and driving.supervisor.message.endswith(f": {joint}")
     assert np.isfinite(driving.last_command.data).all() and motors_only_damp(driving)
 
 
@@ -166,7 +166,7 @@ def test_overheating_sits_down_then_damps(driving: Rig, joint: str) -> None:
     driving.run(1.0, lambda: Trip.TEMPERATURE in driving.supervisor.warnings)
     assert 64.0 < temperature() < 70.0
     driving.run(1.0, lambda: driving.state == DriveState.SITTING)
-    assert 69.0 < temperature() < 71.0 and "hot" in driving.supervisor.message
+    assert 69.0 < temperature() < 71.0 and driving.supervisor.message.endswith(f"hot: {joint}")
     driving.run(1.0, lambda: driving.state != DriveState.SITTING)
     assert driving.damps()
     driving.run(0.01)

@@ -136,6 +136,7 @@ class IoLoop:
             1e3 * work_s,
             1e3 * self._worst_shown_s,
             supervisor.faults,
+            supervisor.fault_joints,
             supervisor.state,
             supervisor.engaging,
             supervisor.refused,

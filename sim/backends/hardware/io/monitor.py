@@ -8,7 +8,7 @@ import numpy as np
 from control.joints import JOINT_COUNT, TORQUE_LIMIT
 from sim.backends.hardware.limits import HardwareLimits
 from sim.backends.hardware.robot import Robot
-from sim.backends.hardware.states import Trip
+from sim.backends.hardware.states import Trip, joint_bits
 from sim.backends.unitree.driver import BaseReading
 from sim.backends.unitree.motors import BASE_SLICE
 from sim.backends.z1.driver import ArmReading
@@ -17,11 +17,12 @@ _FOREIGN_CHECK_S = 0.1
 
 
 class Health(NamedTuple):
-    """One tick's findings: reasons to damp at once, to sit down, to warn."""
+    """One tick's findings: reasons to damp at once, to sit down, to warn, and the joints whose they are (`joint_bits`)."""
 
     damp: Trip
     sit: Trip
     warn: Trip
+    joints: int = 0
 
 
 class HealthMonitor:
@@ -65,8 +66,8 @@ class HealthMonitor:
         # A robot that stands still falls once it is damped; NaN is not slow; a state that has gone old may hide a fall.
         if active or damp & Trip.STALE_STATE or not (np.abs(robot.joints[1, BASE_SLICE]) < limits.rest_velocity_rps).all():
             self._moved_s = now
-        if body := self._body(now, robot, active):
-            damp |= body
+        body, joints = self._body(now, robot, active)
+        damp |= body
         _, x, y, _ = base.inertial[:4].tolist()
         up = 1.0 - 2.0 * (x * x + y * y)  # the base's z axis along the world's
         if not up >= math.cos(limits.tilt_damp_rad):
@@ -74,13 +75,15 @@ class HealthMonitor:
         elif up < math.cos(limits.tilt_warn_rad):
             warn |= Trip.TILT
         damp, sit, warn = self._supplies(base, arm, damp, sit, warn)
+        if Trip.TEMPERATURE in damp | sit | warn:
+            joints |= joint_bits(robot.temperature() >= limits.temperature_warn_c)
         if active and not base.motors.active:
             damp |= Trip.MOTOR
         if arm.motors.faulty:
             damp |= Trip.ARM
         if base.remote_stop:
             damp |= Trip.REMOTE_STOP
-        return Health(damp, sit, warn)
+        return Health(damp, sit, warn, joints)
 
     @property
     def at_rest(self) -> bool:
@@ -111,39 +114,40 @@ class HealthMonitor:
             warn |= Trip.BATTERY
         return damp, sit, warn
 
-    def _body(self, now: float, robot: Robot, active: bool) -> Trip:
+    def _body(self, now: float, robot: Robot, active: bool) -> tuple[Trip, int]:
         if not math.isfinite(np.add.reduce(robot.sensors)):
-            return Trip.NOT_FINITE
-        trips, joints = Trip.NONE, robot.joints
+            return Trip.NOT_FINITE, joint_bits(~np.isfinite(np.add.reduce(robot.joints)))
+        trips, culprits, joints = Trip.NONE, 0, robot.joints
         beyond = (joints < self._lower) | (joints > self._upper)
         some = np.count_nonzero(beyond) > 0
         if some and beyond[0].any():
-            trips |= Trip.JOINT_LIMIT
+            trips, culprits = trips | Trip.JOINT_LIMIT, joint_bits(beyond[0])
         if not (some and active):
             self._beyond_since[:] = np.inf
         else:
             self._beyond_since = np.where(beyond[1:], np.minimum(self._beyond_since, now), np.inf)
             lasting = now - self._beyond_since >= self._durations_s
-            if lasting[0].any():
-                trips |= Trip.JOINT_VELOCITY
-            if lasting[1].any():
-                trips |= Trip.TORQUE
+            for trip, late in zip((Trip.JOINT_VELOCITY, Trip.TORQUE), lasting, strict=True):
+                if late.any():
+                    trips, culprits = trips | trip, culprits | joint_bits(late)
         if not active:
             self._still_since[:] = now
-        elif self._stuck(now, joints[0], joints[2]):
-            trips |= Trip.STUCK_ENCODER
-        return trips
+        elif stuck := self._stuck(now, joints[0], joints[2]):
+            trips, culprits = trips | Trip.STUCK_ENCODER, culprits | stuck
+        return trips, culprits
 
-    def _stuck(self, now: float, position: np.ndarray, torque: np.ndarray) -> bool:
-        """Whether an encoder stays while the torque of its motor changes."""
+    def _stuck(self, now: float, position: np.ndarray, torque: np.ndarray) -> int:
+        """The joints whose encoder stays while the torque of their motor changes."""
         moved = position != self._still_position
         self._still_position = position
         if np.count_nonzero(moved) == JOINT_COUNT:
             self._still_since[:] = now
             self._still_low = self._still_high = torque
-            return False
+            return 0
         self._still_since[moved] = now
         self._still_low = np.where(moved, torque, np.minimum(self._still_low, torque))
         self._still_high = np.where(moved, torque, np.maximum(self._still_high, torque))
         pushed = self._still_high - self._still_low > self.limits.stuck_torque_nm
-        return bool(np.count_nonzero(pushed)) and bool((pushed & (now - self._still_since > self.limits.stuck_s)).any())
+        if not np.count_nonzero(pushed):
+            return 0
+        return joint_bits(pushed & (now - self._still_since > self.limits.stuck_s))

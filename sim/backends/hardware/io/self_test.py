@@ -25,6 +25,7 @@ class SelfTest:
         self._foreign = robot.base.link.foreign_frames()
         self._lost = None if robot.base.reading is None else robot.base.reading.motors.lost.astype(np.int64)
         self._unhealthy = Trip.NONE
+        self._joints = 0
         self.done = False
         self.failures: tuple[str, ...] = ()
 
@@ -32,19 +33,20 @@ class SelfTest:
         """0 to 1."""
         return min(1.0, (now - self._start_s) / self._limits.self_test_s)
 
-    def step(self, now: float, fresh: bool, unhealthy: Trip) -> None:
-        """One tick: whether a new state came, and what the monitor found."""
+    def step(self, now: float, fresh: bool, unhealthy: Trip, joints: int) -> None:
+        """One tick: whether a new state came, and what the monitor found, of which joints (`joint_bits`)."""
         if fresh:
             self._periods.append(now - self._last_s)
             self._last_s = now
         self._unhealthy |= unhealthy
+        self._joints |= joints
         if now >= self._end_s:
             self.done = True
             self.failures = tuple(self._judge())
 
     def _judge(self) -> list[str]:
         limits, robot = self._limits, self._robot
-        failures = describe(self._unhealthy)
+        failures = describe(self._unhealthy, self._joints)
         readings = robot.readings
         if readings is None or len(self._periods) < 10:
             return [*failures, "base and arm must both send states; check cable, power and z1_ctrl"]

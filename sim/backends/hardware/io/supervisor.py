@@ -55,6 +55,7 @@ class Supervisor:
     Attributes:
         state: now.
         faults: why FAULT is latched; message says it in words.
+        fault_joints: whose they are (`joint_bits`).
         warnings: of the last tick.
         message: last refusal, self-test failure or fault, for the operator.
         request_sequence: of the last request that was handled.
@@ -66,6 +67,7 @@ class Supervisor:
         self.config = config
         self.state = DriveState.DISCONNECTED
         self.faults = self.warnings = Trip.NONE
+        self.fault_joints = 0
         self.message = ""
         self.request_sequence = 0
         self.refused = False
@@ -120,13 +122,13 @@ class Supervisor:
         if self.state == DriveState.POLICY and control.command_age_s > self.config.limits.command_hold_s:
             self.warnings |= Trip.STALE_COMMAND
         if damp and self.state not in (DriveState.DISCONNECTED, DriveState.OBSERVE, DriveState.FAULT):
-            self._fault(damp)
+            self._fault(damp, health.joints)
         elif self.state == DriveState.FAULT:
             self.faults |= damp & ~(Trip.STALE_COMMAND | Trip.STALE_OPERATOR)
         elif control.estop:
             self._fault(control.estop)
         elif health.sit and self.state in (DriveState.STANDING_UP, DriveState.READY, DriveState.POLICY):
-            self.message = f"sitting down: {'; '.join(describe(health.sit))}"
+            self.message = f"sitting down: {'; '.join(describe(health.sit, health.joints))}"
             self._enter(DriveState.SITTING, now)
         self._handle(now, control)
         self._engage(now, fresh, health)
@@ -222,7 +224,7 @@ class Supervisor:
         elif not self.at_rest and self._owns_motors:
             self._refuse(Request.CLEAR, "while the robot is still moving, or silent")
         else:
-            self.faults = Trip.NONE
+            self.faults, self.fault_joints = Trip.NONE, 0
             self._monitor.reset(self._robot.base.link.foreign_frames(), self._robot.base.link.foreign_writers(), now)
             self._enter(DriveState.DAMPED if self._owns_motors else DriveState.OBSERVE, now)
 
@@ -239,7 +241,7 @@ class Supervisor:
                 self._monitor.reset(link.foreign_frames(), link.foreign_writers(), now)
                 self._test = SelfTest(self.config.limits, self._robot, now)
         elif self._test is not None:
-            self._test.step(now, fresh, health.damp & ~Trip.FOREIGN_WRITER)
+            self._test.step(now, fresh, health.damp & ~Trip.FOREIGN_WRITER, health.joints)
             if self._test.done:
                 failures = self._test.failures
                 self._test = None
@@ -311,8 +313,9 @@ class Supervisor:
         if self._robot.frame is not None:
             self._start = self._robot.frame.joint_position.copy()
 
-    def _fault(self, reasons: Trip) -> None:
+    def _fault(self, reasons: Trip, joints: int = 0) -> None:
         self._release = self._test = None
         self.faults |= reasons
-        self.message = "; ".join(describe(reasons))
+        self.fault_joints |= joints
+        self.message = "; ".join(describe(reasons, joints))
         self.state = DriveState.FAULT
