@@ -15,7 +15,7 @@ from pathlib import Path
 
 from control.files import replacing
 from control.paths import WEIGHTS_DIRECTORY
-from control.policy.observation import EXTENDED_FORM, PAPER_FORM, RESIDUAL_FORM
+from control.policy.observation import EXTENDED_FORM, MEMORYLESS_FORM, PAPER_FORM, RESIDUAL_FORM
 from control.policy.policy_weights import PolicyManifest
 from sim.processes.executors import EXECUTOR_NAMES, map_unordered
 from sim.training import fit_surrogate
@@ -39,7 +39,7 @@ def main(arguments: list[str] | None = None) -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__)
     defaults = PolicyTrainingConfig()
-    forms = (RESIDUAL_FORM, EXTENDED_FORM, PAPER_FORM)
+    forms = (RESIDUAL_FORM, EXTENDED_FORM, MEMORYLESS_FORM, PAPER_FORM)
     parser.add_argument("--form", choices=forms, default=defaults.form, help="of the policy, see control.policy.observation")
     parser.add_argument("--seeds", type=int, nargs="+", default=[0], help="one run each; with several, the median is exported")
     parser.add_argument("--count", type=int, default=defaults.count, help="robots in the batch")
@@ -62,7 +62,7 @@ def main(arguments: list[str] | None = None) -> None:
         fit_surrogate.main([])
     words = sys.argv[1:] if arguments is None else arguments
     command = shlex.join(["python", "-m", "sim.train_policy", *words])
-    name = "policy_paper" if options.form == PAPER_FORM else "policy"
+    name = "policy_paper" if options.form in (PAPER_FORM, MEMORYLESS_FORM) else "policy"
     if options.from_scratch:
         name += "_from_scratch"
     config = replace(

@@ -1,8 +1,8 @@
 """What the whole-body policy observes, eq. (17): one law for the robot and for every robot of a training batch.
 
-Forms: "paper", the paper's 89 numbers; "extended", which adds errors, integrals and the estimated motion of the base
-(control.whole_body.task_memory); "residual", which observes the same but corrects the model-based controller
-(control.policy.policy_controller) instead of acting alone.
+Forms: "paper", the paper's 89 numbers; "memoryless", which adds what follows from the same tick, errors and the estimated
+motion of the base; "extended", which adds integrals and references besides (control.whole_body.task_memory); "residual", which
+observes the same but corrects the model-based controller (control.policy.policy_controller) instead of acting alone.
 """
 
 import math
@@ -22,6 +22,7 @@ GAIT_FREQUENCY_HZ = 1.5
 """Of the gait phase clock. Wheels never step, but the paper observes it."""
 
 PAPER_FORM = "paper"
+MEMORYLESS_FORM = "memoryless"
 EXTENDED_FORM = "extended"
 RESIDUAL_FORM = "residual"
 
@@ -91,8 +92,10 @@ _EXTENSION_SIZES = {
     "wheel_hold": 4,
     "steering_traction": 1,
 }
+_OF_MEMORY = {"reference_velocity", "position_integral", "force_integral", "yaw_integral", "wheel_hold", "steering_traction"}
 _FORMS = {
     PAPER_FORM: _PAPER_SIZES,
+    MEMORYLESS_FORM: _PAPER_SIZES | {name: size for name, size in _EXTENSION_SIZES.items() if name not in _OF_MEMORY},
     EXTENDED_FORM: _PAPER_SIZES | _EXTENSION_SIZES,
     RESIDUAL_FORM: _PAPER_SIZES | _EXTENSION_SIZES,
 }
@@ -197,15 +200,15 @@ class Observation:
         self._packed = packed(SCALES, self.scales)
         self._sizes = _FORMS[form]
         self.size = sum(self._sizes.values())
+        observed = _PAPER_SIZES if form == PAPER_FORM else _FORMS[EXTENDED_FORM]
+        self._observed_size = sum(observed.values())
+        kept = [np.arange(part.stop)[part] for name, part in _slices(observed).items() if name in self._sizes]
+        self._kept = np.concatenate(kept) if self.size < self._observed_size else None
 
     @property
     def groups(self) -> dict[str, slice]:
         """Where each part lies in the observation, by name, in order."""
-        groups, start = {}, 0
-        for name, size in self._sizes.items():
-            groups[name] = slice(start, start + size)
-            start += size
-        return groups
+        return _slices(self._sizes)
 
     def assemble(self, signals: np.ndarray, memories: np.ndarray, actions: np.ndarray, phases: np.ndarray) -> np.ndarray:
         """Observations (n, size), float32.
@@ -216,9 +219,17 @@ class Observation:
             actions: (n, 22) previous actions.
             phases: (n,) rad, gait phases.
         """
-        observations = np.empty((len(signals), self.size), np.float32)
+        observations = np.empty((len(signals), self._observed_size), np.float32)
         _observe(self._packed, signals, memories, actions, phases, self.form != PAPER_FORM, observations)
-        return observations
+        return observations if self._kept is None else observations.take(self._kept, axis=1)
+
+
+def _slices(sizes: dict[str, int]) -> dict[str, slice]:
+    slices, start = {}, 0
+    for name, size in sizes.items():
+        slices[name] = slice(start, start + size)
+        start += size
+    return slices
 
 
 def advance_phase(phase: np.ndarray) -> np.ndarray:

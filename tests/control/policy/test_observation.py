@@ -5,7 +5,7 @@ import pytest
 
 from control.command.command_record import COMMAND
 from control.joints import NOMINAL_BASE_HEIGHT_M, NOMINAL_POSITION
-from control.policy.observation import EXTENDED_FORM, PAPER_FORM, Observation, advance_phase
+from control.policy.observation import EXTENDED_FORM, MEMORYLESS_FORM, PAPER_FORM, Observation, advance_phase
 from control.timing import CONTROL_PERIOD_S
 from control.whole_body.task_memory import TASK_MEMORY, TaskMemory, TaskMemoryConfig
 from control.whole_body.task_signals import TASK_SIGNALS, force_error, position_error
@@ -43,6 +43,20 @@ def test_the_paper_observes_89_numbers():
 def test_the_extended_form_begins_with_the_paper():
     paper, extended = assemble(PAPER_FORM, signals())[1], assemble(EXTENDED_FORM, signals())[1]
     assert np.array_equal(extended[:89], paper)
+
+
+def test_the_memoryless_form_is_the_extended_one_without_memory():
+    """What a memory has gathered changes nothing that it sees."""
+    state, memory = signals(hand_position=(0.5, 0.02, 0.5)), TaskMemory(TaskMemoryConfig())
+    for _ in range(50):
+        memory.step(state)
+    extended, everything = assemble(EXTENDED_FORM, state, memory)
+    form, seen = assemble(MEMORYLESS_FORM, state, memory)
+    assert list(form.groups) == [name for name in extended.groups if name in form.groups]
+    for name, part in form.groups.items():
+        np.testing.assert_array_equal(seen[part], everything[extended.groups[name]])
+    np.testing.assert_array_equal(seen, assemble(MEMORYLESS_FORM, state)[1])
+    assert not np.array_equal(everything, assemble(EXTENDED_FORM, state)[1])
 
 
 def test_unknown_form_is_refused_by_name():
