@@ -23,6 +23,8 @@ class StanceConfig:
     return_gain: 1/s, at which the wheels go back to their nominal place.
     limit_m: farthest shift of the wheels from their nominal place, per axis. With 0.14 m a sudden pull of 40 N back and up
         lifts the front wheels of a light robot for good.
+    lead_m: farthest shift that is asked for beyond where the legs hold the wheels. They follow within 0.03 m; where something
+        else moves them (a policy that imitates) the shift must not run away.
     speed_mps: fastest shift.
     """
 
@@ -30,11 +32,14 @@ class StanceConfig:
     dead_band_m: float = 0.025
     return_gain: float = 0.2
     limit_m: float = 0.2
+    lead_m: float = 0.05
     speed_mps: float = 0.4
 
 
-STANCE = config_record(StanceConfig(), leg_rad_per_m=(12, 2))
-"""The numbers of StanceConfig, and how the leg joints move per shift of the wheels under the trunk."""
+STANCE = config_record(StanceConfig(), leg_rad_per_m=(12, 2), middle=2)
+"""The numbers of StanceConfig, how the leg joints move per shift of the wheels under the trunk, and where the middle of the
+wheels lies without a shift, m, in base.
+"""
 
 STANCE_STATE = record(shift=2, shift_velocity=2)
 """Of the wheels from their nominal place, m and m/s, heading axes; zeros at the nominal stance."""
@@ -44,24 +49,27 @@ STANCE_STATE = record(shift=2, shift_velocity=2)
 def shifted_posture(
     stance: np.record, terms: np.record, ground_forces: np.ndarray, state: np.record, posture: np.ndarray
 ) -> None:
-    """Leg posture (12,), rad, after one period: the shift integrates k max(|c| - band, 0) sgn(c) - k_r shift.
+    """Leg posture (12,), rad, after one period: the shift integrates k max(|c| - band, 0) sgn(c) - k_r shift, up to a lead.
 
     Args:
         ground_forces: (4, 3) N, that the balance asks of the wheels; their centre of pressure lies c off their middle.
     """
-    load, pressure, middle = 0.0, np.zeros(2), np.zeros(2)
+    load, pressure, middle, reached = 0.0, np.zeros(2), np.zeros(2), -stance.middle
     for wheel in range(4):
         contact = rotate_back(terms.rotation_heading_to_world, terms.contacts[wheel])
+        in_base = rotate_back(terms.rotation_base_to_world, terms.contacts[wheel])
         load += ground_forces[wheel, 2]
         for i in range(2):
             pressure[i] += ground_forces[wheel, 2] * contact[i]
             middle[i] += 0.25 * contact[i]
+            reached[i] += 0.25 * in_base[i]
     for i in range(2):
         offset = pressure[i] / max(load, 1.0) - middle[i]
         excess = offset - clip(offset, -stance.dead_band_m, stance.dead_band_m)
         last = state.shift[i]
         velocity = clip(stance.gain * excess - stance.return_gain * last, -stance.speed_mps, stance.speed_mps)
-        state.shift[i] = clip(last + velocity * CONTROL_PERIOD_S, -stance.limit_m, stance.limit_m)
+        shift = clip(last + velocity * CONTROL_PERIOD_S, reached[i] - stance.lead_m, reached[i] + stance.lead_m)
+        state.shift[i] = clip(shift, -stance.limit_m, stance.limit_m)
         state.shift_velocity[i] = (state.shift[i] - last) / CONTROL_PERIOD_S
     for joint in range(12):
         bent = stance.leg_rad_per_m[joint, 0] * state.shift[0] + stance.leg_rad_per_m[joint, 1] * state.shift[1]
@@ -71,7 +79,9 @@ def shifted_posture(
 def stance_record(config: StanceConfig, model: RobotModel) -> np.ndarray:
     """STANCE (1,) with the legs' kinematics at the nominal posture, in which `model` is left."""
     rad_per_m = np.linalg.inv(_contact_jacobians(model))[:, :, :2]
-    return packed(STANCE, config, leg_rad_per_m=rad_per_m.reshape(len(LEGS) * 3, 2))
+    model.update_configuration(np.eye(3), NOMINAL_POSITION)
+    middle = model.wheel_contact_positions.mean(axis=0)[:2]
+    return packed(STANCE, config, leg_rad_per_m=rad_per_m.reshape(len(LEGS) * 3, 2), middle=middle)
 
 
 def _contact_jacobians(model: RobotModel) -> np.ndarray:

@@ -228,28 +228,41 @@ def test_a_pitched_trunk_gets_a_restoring_moment(model):
     assert gain[front].sum() > gain[rear].sum()
 
 
-def stand(model, config, vertical_forces, periods):
-    """Leg posture (12,) and state of a stance with these loads of the wheels after some periods."""
+def stand(model, config, vertical_forces, periods, follows=True):
+    """Leg posture (12,) and state of a stance with these loads after some periods, of legs that follow or do not."""
     stance, state, posture = stance_record(config, model), np.zeros(1, STANCE_STATE), np.empty(12)
     terms, forces = np.zeros(1, BODY_TERMS), np.zeros((4, 3))
-    terms["rotation_heading_to_world"] = np.eye(3)
-    model.update_configuration(np.eye(3), NOMINAL_POSITION)
-    terms["contacts"], forces[:, 2] = model.wheel_contact_positions, vertical_forces
+    terms["rotation_heading_to_world"] = terms["rotation_base_to_world"] = np.eye(3)
+    joints, forces[:, 2] = NOMINAL_POSITION.copy(), vertical_forces
     for _ in range(periods):
+        model.update_configuration(np.eye(3), joints)
+        terms["contacts"] = model.wheel_contact_positions
         shifted_posture(stance[0], terms[0], forces, state[0], posture)
+        if follows:
+            joints[LEG_SLICE] = posture
     return posture, state[0]
 
 
 def test_the_stance_follows_the_centre_of_pressure_and_its_legs_put_the_wheels_there(model):
-    config = StanceConfig(return_gain=0.0)
+    """Front wheels that bear the more draw the wheels ahead, for the trunk shall stand behind them, up to the limit."""
+    config = StanceConfig(return_gain=0.0, limit_m=0.1)
     posture, state = stand(model, config, (100.0, 100.0, 10.0, 10.0), 200)
-    nominal = model.wheel_contact_positions.copy()
     bent = NOMINAL_POSITION.copy()
+    model.update_configuration(np.eye(3), bent)
+    nominal = model.wheel_contact_positions.copy()
     bent[LEG_SLICE] = posture
     model.update_configuration(np.eye(3), bent)
     moved = model.wheel_contact_positions - nominal
     assert np.allclose(moved[:, 0], config.limit_m, atol=0.01), "linear in the joints, so short by a centimetre at the farthest"
     assert np.allclose(moved[:, 1], 0.0, atol=1e-3)
+    assert np.allclose(state.shift_velocity, 0.0)
+
+
+def test_the_stance_does_not_run_away_from_wheels_that_do_not_follow(model):
+    """Blocked, or moved by somebody who imitates it."""
+    config = StanceConfig()
+    _, state = stand(model, config, (100.0, 100.0, 10.0, 10.0), 200, follows=False)
+    assert np.allclose(state.shift, [config.lead_m, 0.0])
     assert np.allclose(state.shift_velocity, 0.0)
 
 
