@@ -90,7 +90,8 @@ def _filter(
         if asked.mask[i] < 0.5:
             applied.force_n[i] = 0.0
         else:
-            start = force_estimated_n[i] if applied.mask[i] < 0.5 else applied.force_n[i]
+            felt = clip(force_estimated_n[i], limits.force_n[0], limits.force_n[1])
+            start = felt if applied.mask[i] < 0.5 else applied.force_n[i]
             applied.force_n[i] = start + clip(asked.force_n[i] - start, -change, change)
         change = limits.velocity_acceleration[i] * dt_s
         applied.base_velocity[i] += clip(asked.base_velocity[i] - applied.base_velocity[i], -change, change)

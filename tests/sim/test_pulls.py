@@ -5,6 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from control.command.limits import DEFAULT_COMMAND
+from control.hand_load.tool import MAX_TOOL_CENTER_M, MAX_TOOL_KG, Tool
 from control.paths import WEIGHTS_DIRECTORY
 from sim.trials.pull import MODES, Pull, incline, pull
 from sim.trials.task_trial import TaskPlan, play
@@ -76,6 +78,17 @@ def test_an_untouched_hand_that_is_asked_for_no_force_stays() -> None:
     start = trial.hand_in_heading
     for _ in trial.run(MODES["zero_force"], 6.0):
         assert np.linalg.norm(trial.hand_in_heading - start) < 0.05
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("mask", "seed"), [((0.0, 1.0, 0.0), 1), ((0.0, 1.0, 0.0), 2), ((1.0, 1.0, 1.0), 2)])
+def test_a_tool_that_is_told_but_not_there_fells_no_robot(mask: tuple[float, float, float], seed: int) -> None:
+    """It is felt as a force that is none and as an inertia that is not there: a loop that shakes, but within bounds."""
+    trial = Trial(POLICY, seed=seed)
+    trial.session.pipeline.hand_load.set_tool(Tool(MAX_TOOL_KG, np.array([MAX_TOOL_CENTER_M, 0.0, 0.0])))
+    for _ in trial.run(replace(DEFAULT_COMMAND, mask=np.array(mask)), 5.0):
+        assert np.abs(trial.session.output.hand.force_estimated_n).max() <= 50.0
+        assert not trial.fallen
 
 
 def test_jerks_come_one_after_another() -> None:

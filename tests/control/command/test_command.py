@@ -134,6 +134,14 @@ def test_an_axis_changes_to_force_at_the_estimated_force():
     assert np.allclose(applied.force_n, [0.0, 0.0, 9.0])
 
 
+def test_an_axis_starts_at_no_more_than_may_be_asked_for():
+    command_filter = CommandFilter(LIMITS)
+    command_filter.step(DEFAULT_COMMAND, hand_at(DEFAULT_COMMAND), CONTROL_PERIOD_S)
+    pressing = replace(DEFAULT_COMMAND, mask=np.ones(3))
+    applied = command_filter.step(pressing, hand_at(DEFAULT_COMMAND, force=(500.0, -500.0, 0.0)), CONTROL_PERIOD_S)
+    assert np.allclose(applied.force_n, [LIMITS.force_n[1] - 1.0, LIMITS.force_n[0] + 1.0, 0.0])
+
+
 def test_an_axis_changes_to_position_where_the_hand_is():
     command_filter = CommandFilter(LIMITS)
     sliding = replace(DEFAULT_COMMAND, mask=np.array([0.0, 1.0, 0.0]))
