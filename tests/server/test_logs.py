@@ -2,6 +2,7 @@
 
 import json
 import logging
+import pickle
 import sys
 from collections.abc import Iterator
 
@@ -9,7 +10,7 @@ import pytest
 
 from server.audit import Audit
 from server.command_line import parser
-from server.logs import JsonLines, LogConfig, configure
+from server.logs import REPEATED_S, JsonLines, LogConfig, Repetitions, configure
 
 
 @pytest.fixture
@@ -41,6 +42,39 @@ def test_people_read_lines(root: logging.Logger, capsys: pytest.CaptureFixture[s
     Audit().note("Ada", "reset", {})
     logging.getLogger("forcelens.test").warning("late")
     assert capsys.readouterr().err == "console: WARNING: late\n"
+
+
+def warning(message: str, created: float, level: int = logging.WARNING, error: Exception | None = None) -> logging.LogRecord:
+    fields = {"name": "stranger", "msg": message, "levelno": level, "created": created}
+    return logging.makeLogRecord(fields | {"exc_info": None if error is None else (type(error), error, None)})
+
+
+def test_a_warning_that_comes_again_and_again_is_told_once_with_their_number() -> None:
+    repetitions = Repetitions()
+    assert repetitions.filter(warning("invalid", 100.0))
+    assert not any(repetitions.filter(warning("invalid", 100.0 + 0.001 * moment)) for moment in range(5000))
+    again = warning("invalid", 100.0 + REPEATED_S)
+    assert repetitions.filter(again)
+    assert again.getMessage() == "invalid (and 5000 more since the last such line)"
+    once_more = warning("invalid", 100.0 + 2.0 * REPEATED_S)
+    assert repetitions.filter(once_more) and once_more.getMessage() == "invalid"
+
+
+def test_what_differs_or_is_no_warning_is_told_at_once() -> None:
+    repetitions = Repetitions()
+    assert all(repetitions.filter(warning(message, 1.0)) for message in ("one", "two"))
+    assert all(repetitions.filter(warning("who did what", 1.0, logging.INFO)) for _ in range(9))
+    assert all(repetitions.filter(warning("failed", 1.0, error=ValueError(why))) for why in ("this", "that"))
+    assert not repetitions.filter(warning("failed", 1.0, error=ValueError("that")))
+    refused = warning("Ada: reset refused", 1.0)
+    refused.operator = "Ada"
+    assert repetitions.filter(refused) and repetitions.filter(refused)
+
+
+def test_many_different_warnings_take_no_more_and_more_memory() -> None:
+    repetitions = Repetitions()
+    assert all(repetitions.filter(warning(f"number {count}", 1.0)) for count in range(5000))
+    assert len(pickle.dumps(vars(repetitions))) < 100_000
 
 
 def test_every_option_may_come_from_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
