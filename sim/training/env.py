@@ -12,14 +12,16 @@ import numpy as np
 from control.command.limits import CommandLimits
 from control.joints import JOINT_COUNT, NOMINAL_BASE_HEIGHT_M
 from control.policy.action import ActionMap
-from control.policy.observation import EXTENDED_FORM, RESIDUAL_FORM, Observation, advance_phase
+from control.policy.observation import EXTENDED_FORM, MEMORYLESS_FORM, PAPER_FORM, RESIDUAL_FORM, Observation, advance_phase
 from control.robot_model import RobotModel
 from control.timing import CONTROL_PERIOD_S
 from control.whole_body.arm import ArmConfig
 from control.whole_body.model_based import ModelBasedConfig, ModelBasedLaw
 from control.whole_body.reference_correction import CORRECTION
+from control.whole_body.stance import StanceConfig
 from control.whole_body.task_memory import TASK_MEMORY, TaskMemory, TaskMemoryConfig
 from control.whole_body.task_signals import TASK_SIGNALS
+from control.whole_body.wheels import WheelConfig
 from sim.training.batch_rotations import (
     products,
     quaternions_from_rotations,
@@ -37,8 +39,18 @@ from sim.training.surrogate import EstimatorSurrogate, SurrogateParameters, fitt
 PRIVILEGED_SIZE = 23
 _ALL = slice(None)
 
-TEACHER_ARM = replace(ArmConfig(), contact_share=0.0, load_gain=0.0)
-"""The model-based arm in its plain form, without the approach to contact and the load that axes in motion carry."""
+_MEMORYLESS = (PAPER_FORM, MEMORYLESS_FORM)
+
+
+def imitated(form: str) -> ModelBasedConfig:
+    """The model-based controller without what robots that imitate it cannot follow: the approach to contact, the load that axes
+    in motion carry, a stance far ahead of the wheels, and integrals that observations of a form do not tell. Those grow to
+    their bounds, and nobody learns anything but these.
+    """
+    arm, wheels = replace(ArmConfig(), contact_share=0.0, load_gain=0.0), WheelConfig()
+    if form in _MEMORYLESS:
+        arm, wheels = replace(arm, integral_gain=0.0, force_integral_gain=0.0), replace(wheels, yaw_integral_gain=0.0)
+    return ModelBasedConfig(arm=arm, wheels=wheels, stance=StanceConfig(lead_m=0.01))
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +73,9 @@ class SensorNoise:
 
 @dataclass(frozen=True, slots=True)
 class TrainingEnvConfig:
-    """What the environment is made of. `episode_s` ends episodes; fallen robots start anew at once."""
+    """What the environment is made of. `episode_s` ends episodes; fallen robots start anew at once. `teacher` is what is
+    imitated, by default `imitated(form)`; a residual policy corrects the controller as it runs on the robot.
+    """
 
     count: int = 512
     threads: int = 1
@@ -75,7 +89,7 @@ class TrainingEnvConfig:
     randomization: Randomization = field(default_factory=Randomization)
     noise: SensorNoise = field(default_factory=SensorNoise)
     rewards: RewardScales = field(default_factory=RewardScales)
-    teacher_arm: ArmConfig = TEACHER_ARM
+    teacher: ModelBasedConfig | None = None
     surrogate: SurrogateParameters | None = None
 
 
@@ -116,9 +130,8 @@ class TrainingEnv:
         self.estimator = EstimatorSurrogate(surrogate, self.robot.mass_scale, random)
         self._mass_scales = self.robot.mass_scales + config.noise.mass_scale * random.standard_normal((count, 2))
         self._corrects = config.form == RESIDUAL_FORM
-        # A residual policy corrects the controller as it runs on the robot.
-        arm = ArmConfig() if self._corrects else config.teacher_arm
-        self._teacher = ModelBasedLaw(RobotModel(), ModelBasedConfig(arm=arm), count)
+        teacher = config.teacher or (ModelBasedConfig() if self._corrects else imitated(config.form))
+        self._teacher = ModelBasedLaw(RobotModel(), teacher, count)
         self._no_correction = np.zeros(count, CORRECTION)
         self.memory = TaskMemory(TaskMemoryConfig(), count)
         self.form = Observation(config.form)

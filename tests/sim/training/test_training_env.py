@@ -12,16 +12,15 @@ from control.command.limits import CommandLimits, HandState
 from control.frames import quaternion_from_rotation
 from control.joints import LEG_SLICE
 from control.policy.action import ActionScales
-from control.policy.observation import RESIDUAL_FORM
+from control.policy.observation import MEMORYLESS_FORM, PAPER_FORM, RESIDUAL_FORM
 from control.policy.policy_controller import PolicyController
 from control.policy.policy_weights import PolicyManifest, interface, load_policy, save_policy
 from control.robot_model import RobotModel
 from control.timing import CONTROL_PERIOD_S
 from control.types import BaseState, SensorFrame
-from control.whole_body.arm import ArmConfig
 from control.whole_body.body_terms import BODY_TERMS, body_terms
 from control.whole_body.controller import ControllerInput
-from control.whole_body.model_based import ModelBasedController
+from control.whole_body.model_based import ModelBasedConfig, ModelBasedController
 from control.whole_body.task_signals import TASK_SIGNALS, task_signals
 from sim.training.batch_rotations import rotate, rotate_back
 from sim.training.commands import LEAD, SLIDE, CommandRanges
@@ -86,7 +85,7 @@ def test_the_terms_of_the_batch_are_those_of_the_robot_model(model: RobotModel):
 
 
 def test_every_robot_of_the_batch_is_taught_by_the_model_based_controller(model: RobotModel):
-    env = make_env(count=8, teacher_arm=ArmConfig())
+    env = make_env(count=8, teacher=ModelBasedConfig())
     controllers = [ModelBasedController(model) for _ in range(8)]
     for _ in range(60):
         expected = [controller.step(single_input(env, robot, model)) for robot, controller in enumerate(controllers)]
@@ -225,8 +224,22 @@ def test_ended_episodes_hand_over_their_last_observation():
     assert np.isfinite(env.observation).all()
 
 
+@pytest.mark.parametrize("form", [PAPER_FORM, MEMORYLESS_FORM])
+def test_what_the_memoryless_imitate_remembers_nothing_that_they_do_not_see(form: str):
+    """Whatever has been integrated before."""
+    env, other = (make_env(count=4, form=form) for _ in range(2))
+    for name in ("position_integral", "force_integral", "yaw_integral"):
+        other.memory.values[name] = 0.3
+    expected = env.teacher_action()
+    assert np.abs(expected).max() > 0.01
+    assert np.allclose(other.teacher_action(), expected, atol=1e-12)
+    full = make_env(count=4, form=form, teacher=ModelBasedConfig())
+    full.memory.values["position_integral"] = 0.3
+    assert not np.allclose(full.teacher_action(), expected, atol=0.1)
+
+
 def test_a_residual_policy_that_corrects_nothing_is_the_teacher():
-    plain, corrected = make_env(count=4, teacher_arm=ArmConfig()), make_env(count=4, form=RESIDUAL_FORM)
+    plain, corrected = make_env(count=4, teacher=ModelBasedConfig()), make_env(count=4, form=RESIDUAL_FORM)
     for _ in range(10):
         plain.step(plain.teacher_action())
         corrected.step(np.zeros((4, 22)))
