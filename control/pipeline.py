@@ -21,6 +21,7 @@ from control.baselines.baseline_controller import make_baselines
 from control.command.blocked_base import BlockedBase, BlockedBaseConfig
 from control.command.filter import CommandFilter
 from control.command.guidance import Guidance, GuidanceConfig
+from control.command.hand_state import hand_state
 from control.command.limits import DEFAULT_COMMAND, CommandLimits, HandState, clip_command
 from control.command.reach_watch import ReachWatch
 from control.command.self_contact import SelfContactBorder, SelfContactConfig
@@ -35,8 +36,6 @@ from control.faults import Fault
 from control.hand_load.load import HandLoad
 from control.hand_load.tool import IdentificationConfig
 from control.joints import JOINT_COUNT
-from control.kernels.compiled import kernel
-from control.kernels.small_algebra import clip, rotate_back
 from control.paths import WEIGHTS_DIRECTORY
 from control.policy.policy_controller import make_policies
 from control.robot_model import RobotModel
@@ -298,7 +297,7 @@ class Pipeline:
             flags, estimate = self._mistrust.judge(estimate, sensor.joint_position, unexplained, distance)
             self._estimates[self.estimator_name] = estimate
         odometry = self._odometry.step()
-        hand = self._hand(base.height_m, _NO_FORCE if estimate is None else estimate.force_estimated_n)
+        hand = hand_state(self.model, base.height_m, _NO_FORCE if estimate is None else estimate.force_estimated_n)
         if estimate is not None:  # no controller acts on a force that nobody has estimated
             if due(Job.REFERENCES, self._tick) or self._starting:
                 self.hand_load.step(hand.force_estimated_n + self.hand_load.offset(self.estimator_name), sensor.joint_velocity)
@@ -400,48 +399,6 @@ class Pipeline:
     def _tared(self, name: str, estimate: ForceEstimate) -> ForceEstimate:
         offset = self.hand_load.offset(name)
         return replace(estimate, force_estimated_n=estimate.force_estimated_n - offset) if offset.any() else estimate
-
-    def _hand(self, base_height_m: float, force_estimated_n: np.ndarray) -> HandState:
-        model, position, rotation, force = self.model, np.empty(3), np.empty((3, 3)), np.empty(3)
-        hand, hand_rotation = model.end_effector_position, model.end_effector_rotation
-        heading = model.rotation_heading_to_world
-        _hand_in_heading(hand, hand_rotation, heading, base_height_m, force_estimated_n, position, rotation, force)
-        return HandState(position, rotation, force)
-
-
-_MOST_FELT_N = 50.0
-"""Per axis, more than may be asked for. Beyond it the model is wrong (a tool that is not there): who obeyed would shake."""
-
-
-@kernel("void(f8[::1], matrix, f8[:,::1], f8, vector, f8[::1], f8[:,::1], f8[::1])")
-def _hand_in_heading(
-    hand: np.ndarray,
-    hand_rotation: np.ndarray,
-    heading: np.ndarray,
-    base_height_m: float,
-    force_estimated_n: np.ndarray,
-    position: np.ndarray,
-    rotation: np.ndarray,
-    force: np.ndarray,
-) -> None:
-    """Pose of the hand in heading, whose origin lies on the ground below the base: H^T x + h e_z, H^T R; and what it feels.
-
-    Args:
-        hand: (3,) m, x, world-aligned, from the base origin.
-        hand_rotation: (3, 3) R, hand to world.
-        heading: (3, 3) H, heading to world.
-        base_height_m: h.
-        force_estimated_n: (3,) N, in heading.
-        position: (3,) m, the result, like
-        rotation: (3, 3) hand to heading, and
-        force: (3,) N, as far as controllers believe it.
-    """
-    position[0], position[1], position[2] = rotate_back(heading, hand)
-    position[2] += base_height_m
-    for axis in range(3):
-        column = rotate_back(heading, hand_rotation[:, axis])
-        rotation[0, axis], rotation[1, axis], rotation[2, axis] = column
-        force[axis] = clip(force_estimated_n[axis], -_MOST_FELT_N, _MOST_FELT_N)
 
 
 def _bounded(mass_scale: float | None) -> float:
