@@ -1,5 +1,7 @@
 """Two browsers agree; one whose network fails lets go of the robot and comes back; one may be a phone."""
 
+from collections.abc import Iterator
+
 import pytest
 from playwright.sync_api import ViewportSize
 
@@ -53,9 +55,17 @@ def test_changes_show_in_both(client: Client, second_client: Client, api: Api) -
     eventually(lambda: client.text("mode") == second_client.text("mode") == "Paused", "both show the mode")
 
 
-def test_a_phone_shows_the_robot_and_a_drawer_shrinks_it(second_client: Client) -> None:
-    phone = second_client
-    phone.page.set_viewport_size(PHONE)
+@pytest.fixture
+def phone(second_client: Client) -> Iterator[Client]:
+    """The second browser, as small as a phone for a while."""
+    whole = second_client.page.viewport_size
+    assert whole is not None
+    second_client.page.set_viewport_size(PHONE)
+    yield second_client
+    second_client.page.set_viewport_size(whole)
+
+
+def test_a_phone_shows_the_robot_and_a_drawer_shrinks_it(phone: Client) -> None:
     eventually(lambda: box(phone.canvas)["width"] == pytest.approx(PHONE["width"], abs=1.0), "the scene takes the whole width")
     assert phone.page.evaluate("document.documentElement.scrollWidth") == PHONE["width"]
     assert is_on_top(phone, "estop")

@@ -153,6 +153,7 @@ def test_what_a_crash_left_is_repaired_at_the_next_start(paused: RunningServer) 
 
 
 def test_a_recording_is_shown_and_sends_nothing(paused: RunningServer) -> None:
+    call(paused, "PUT", "controller", {"name": "policy"})  # the default, with which the simulation comes back
     before = paused.state()
     row = record(paused, 300)
     after = paused.state()
