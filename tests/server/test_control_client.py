@@ -142,6 +142,7 @@ def test_kill_is_noticed_fails_open_calls_and_a_fresh_process_starts_in_a_hold(c
     assert int(client.require_snapshot()["sequence"]) > last
     assert client.require_snapshot()["mode"] == Mode.ESTOP
     assert clear_estop(client)["mode"] == "paused"
+    client.restart(session=SimulationConfig(), estopped=False, paused=False)  # as the other tests find it
 
 
 def test_an_estop_that_finds_no_process_is_latched_by_the_next(client: ControlClient) -> None:
