@@ -133,8 +133,8 @@ class Memory:
                 return
 
     def finish(self, report: Report, phases: Phases) -> float:
-        """Rows of the median in each phase and round; how much faster than not at all both grow together, in MB per hour, from
-        the last phase of the first round to that of the last one.
+        """Rows of the median in each phase and round; the growth of both processes together, in MB per hour, from the last
+        phase of the first round to that of the last one.
         """
         self._ended.set()
         self._thread.join()

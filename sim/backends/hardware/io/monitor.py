@@ -75,8 +75,8 @@ class HealthMonitor:
         elif up < math.cos(limits.tilt_warn_rad):
             warn |= Trip.TILT
         damp, sit, warn = self._supplies(base, arm, damp, sit, warn)
-        if Trip.TEMPERATURE in damp | sit | warn:
-            joints |= joint_bits(robot.temperature() >= limits.temperature_warn_c)
+        if Trip.TEMPERATURE in damp | sit:
+            joints |= joint_bits(robot.temperature() >= limits.temperature_sit_c)
         if active and not base.motors.active:
             damp |= Trip.MOTOR
         if arm.motors.faulty:
