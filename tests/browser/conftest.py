@@ -171,6 +171,5 @@ def second_client(browser: Browser, proxy: TcpProxy, open_client: Callable[[Brow
     """Another browser, behind a network that can fail."""
     second = open_client(browser, proxy.address)
     second.page.set_viewport_size(SMALL)
-    second.render(True)
     yield second
     second.page.close()

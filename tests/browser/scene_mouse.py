@@ -54,7 +54,8 @@ def drag(client: Client, start: Callable[[], np.ndarray], move_px: tuple[float, 
 
 
 def grab(client: Client, api: Api) -> None:
-    """Press on the ball at the hand and pull to the upper right until it pulls."""
+    """Press on the ball at the hand and pull to the upper right until it pulls; the scene draws from here on."""
+    client.render(True)
     api.until(lambda state: np.allclose(hand(state), state["command"]["position_m"], atol=0.008), "the hand is at rest")
     drag(client, lambda: hand(api.state()), (45.0, -25.0), lambda: size(api.state(), "force_true_n") > 3.0)
 

@@ -33,7 +33,6 @@ def test_a_browser_that_vanishes_lets_go_and_reconnects(second_client: Client, a
 
 
 def test_a_browser_whose_network_falls_silent_lets_go(second_client: Client, api: Api, proxy: TcpProxy) -> None:
-    second_client.render(True)
     grab(second_client, api)
     proxy.silence()
     second_client.render(False)

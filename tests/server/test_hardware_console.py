@@ -26,10 +26,11 @@ STIFF = ("standing_up", "ready")
 """A slow look may miss the first."""
 
 
-def eventually(condition: Callable[[], Any], what: str) -> None:
+def eventually(condition: Callable[[], Any], what: str, told: Callable[[], Any] = str) -> None:
+    """Wait until `condition`; `told()` is what a failure shows beside `what`."""
     deadline = time.monotonic() + PATIENCE_S
     while not condition():
-        assert time.monotonic() < deadline, f"never happened: {what}"
+        assert time.monotonic() < deadline, f"never happened: {what} {told()}"
         time.sleep(0.02)
 
 
@@ -63,7 +64,7 @@ class Console(ConsoleProcess):
                 self.http.post("hardware", json={"request": request})
             return False
 
-        eventually(reached, f"the drives are {' or '.join(goals)}")
+        eventually(reached, f"the drives are {' or '.join(goals)}", lambda: self.call("GET", "hardware"))
 
     def close(self) -> None:
         self.http.close()
