@@ -80,7 +80,7 @@ class ControlLoop:
         self._tap = tap or Tap(tap_module.allocate())
         self._tapped_ticks = 0  # of the recording, when its last moment was put
         self._keyframes = Keyframes(self._tap, lambda: None if self._history is None else self._history.newest)
-        self._pipeline_resets = session.pipeline_resets
+        self._own_deeds = dict(session.own_deeds)
         self._state = state
         self._setpoints = setpoints
         self._estops = estops
@@ -335,9 +335,11 @@ class ControlLoop:
             self._tap.put_event(name, arguments)
 
     def _record_tick(self) -> None:
-        if self._session.pipeline_resets != self._pipeline_resets:
-            self._pipeline_resets = self._session.pipeline_resets
-            self._tap.put_event("reset", {})
+        deeds = self._session.own_deeds
+        if deeds != self._own_deeds:
+            for name in (name for name in deeds if deeds[name] != self._own_deeds[name]):
+                self._tap.put_event(name, {})
+            self._own_deeds = dict(deeds)
         self._tap.put_tick(self._session)
         self._keyframes.ticked(self._session.pipeline)
 
@@ -349,7 +351,7 @@ class ControlLoop:
             raise EventError(Outcome.REFUSED, "a recording is under way; DELETE /api/v1/recordings/current first")
         description = describe_session(self._session)
         heads = self._tap.heads
-        self._pipeline_resets = self._session.pipeline_resets
+        self._own_deeds = dict(self._session.own_deeds)
         self._tapped_ticks = 0
         self._tap.start(name)
         self._keyframes.start()

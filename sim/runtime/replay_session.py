@@ -29,7 +29,7 @@ class ReplaySession:
         self._recording = Recording(path)
         self._latched = False
         self.time_s = 0.0
-        self.pipeline_resets = 0
+        self.own_deeds = {"reset": 0, "tare": 0}
         metadata = self._recording.metadata
         self.pipeline = SimpleNamespace(
             controller_names=(metadata["controller"],), estimator_names=self._recording.estimators, estop_latched=False

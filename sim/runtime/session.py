@@ -4,6 +4,7 @@ A session has no clock and no sockets. Feed it set-points, tick it, and let it f
 only a robot can do stands in sim.runtime.simulation and sim.runtime.robot_session.
 """
 
+import logging
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, Generic, TypeVar
@@ -37,6 +38,8 @@ from sim.runtime.snapshot_writer import (
 from sim.tasks.desk import TaskDesk, TaskRecord, task_fields
 from sim.tasks.task import TaskRefusedError
 
+_log = logging.getLogger(__name__)
+
 ERROR_WINDOW_S = 5.0
 """Time constant of the live error of each estimator."""
 
@@ -53,7 +56,7 @@ class Session(Generic[BackendT]):
     Attributes:
         gains: of the momentum observer, as set last; None for those that it starts with.
         command_age_s: of the last tick, time since the operator was heard.
-        pipeline_resets: counts how often the pipeline was started afresh.
+        own_deeds: counts how often the pipeline was started afresh ("reset"), and how often a task had the hand tared ("tare").
 
     Args:
         backend: opened here; its owner closes it.
@@ -95,7 +98,7 @@ class Session(Generic[BackendT]):
         self._asked, self._asked_command = b"", DEFAULT_COMMAND
         self.gains: tuple[float, float] | None = None
         self.command_age_s = 0.0
-        self.pipeline_resets = 0
+        self.own_deeds = {"reset": 0, "tare": 0}
         self._command_sequence = 0
         self.tasks = TaskDesk(self.pipeline.config.limits)
         self._task_sequence = 0
@@ -162,14 +165,14 @@ class Session(Generic[BackendT]):
         if self.tasks.in_charge and sequence != self._task_sequence:
             self.tasks.hand_over(self.output, self.time_s)
         if self.tasks.in_charge:
-            command = self.tasks.command(self.output, self.time_s)
+            command = self._task_command()
         self.tick(command, age_s)
         self._command = command
         self._command_sequence = sequence
 
     def tick_task(self) -> None:
         """`tick` by the task that is in charge, without an operator; see `start_task`."""
-        self._command = self.tasks.command(self.output, self.time_s)
+        self._command = self._task_command()
         self.tick(self._command)
 
     def start_task(self, name: str, options: Mapping[str, float], sequence: int = 0) -> TaskRecord:
@@ -323,6 +326,17 @@ class Session(Generic[BackendT]):
             self.tasks.current.readings = readings
         write_task(record, self.tasks)
 
+    def _task_command(self) -> Command:
+        command = self.tasks.command(self.output, self.time_s)
+        if self.tasks.take_tare():
+            try:
+                self.tare()
+            except SessionError as error:
+                _log.info("the task goes on without a tare: %s", error)
+            else:
+                self.own_deeds["tare"] += 1
+        return command
+
     def _forget(self) -> None:
         """As before the first tick, but for the pipeline and what counts on: the command's sequence number."""
         self.time_s = 0.0
@@ -336,6 +350,6 @@ class Session(Generic[BackendT]):
         self.tasks.restart()
         latched = self.pipeline.estop_latched
         self.pipeline.reset()
-        self.pipeline_resets += 1
+        self.own_deeds["reset"] += 1
         if latched:  # only clear_estop clears it
             self.pipeline.estop()

@@ -126,6 +126,14 @@ class TaskDesk:
             self._command = record.runner.step(look(output, self._position_m, time_s, record.site))
         return self._command
 
+    def take_tare(self) -> bool:
+        """Whether the task asks, this once, that what the hand reads becomes its zero."""
+        record = self.current
+        if record is None or not record.runner.tare_due:
+            return False
+        record.runner.tare_due = False
+        return True
+
     def abort(self, output: PipelineOutput, time_s: float, reason: str) -> None:
         """Stop the task at work, which backs off and holds."""
         record = self.current

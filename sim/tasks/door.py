@@ -14,7 +14,7 @@ from control.command.limits import CommandLimits
 from control.timing import CONTROL_PERIOD_S
 from control.types import Command
 from sim.scenes.door import HINGE_X_M, HINGE_Y_M, LEVER_HEIGHT_M, WIDTH_M
-from sim.tasks.task import CONTACT_S, Lasting, Option, Phase, TaskRefusedError, reached
+from sim.tasks.task import CONTACT_S, Lasting, Option, Phase, TaskRefusedError, reached, zeroing
 from sim.tasks.view import TaskView
 
 PITCH_RAD = 0.35
@@ -41,6 +41,8 @@ OPEN_RAD = 1.2
 HAND_AHEAD_M, HAND_NEAR_M = 0.60, 0.35
 FOLLOW_MPS, THROUGH_MPS, FAST_MPS = 0.2, 0.15, 0.25
 FAST_FROM_X_M, THROUGH_X_M = 1.10, 1.95
+OFF_N, OFF_S = 10.0, 0.4
+"""How the hand yields to the leaf that it slides off from."""
 STALLED_S = 6.0
 MOVED_RAD = 0.02
 STANDS_S, GROWTH_NPS = 0.4, 8.0
@@ -103,6 +105,9 @@ class Door:
 
         def back(view: TaskView) -> Command:
             return view.command(low(), pitch_rad=PITCH_RAD)
+
+        def reach(view: TaskView) -> Command:
+            return view.command(over(), pitch_rad=PITCH_RAD)
 
         def above(view: TaskView) -> bool:
             return view.phase_s > 1.0 and reached(view, over(), 0.015)
@@ -185,7 +190,14 @@ class Door:
         def leave(view: TaskView) -> Command:
             ahead = FAST_MPS if view.position_m[0] < THROUGH_X_M else 0.0
             hand = np.array([0.5, 0.0, 0.62])
-            command = view.command(np.zeros(3), pitch_rad=0.6, yaw_rad=view.yaw_rad, velocity=(ahead, _steer(view, ahead)))
+            command = view.command(
+                np.zeros(3),
+                pitch_rad=0.6,
+                yaw_rad=view.yaw_rad,
+                mask=(0, 1, 0) if view.phase_s < OFF_S else (0, 0, 0),
+                force_n=(0.0, -OFF_N, 0.0),
+                velocity=(ahead, _steer(view, ahead)),
+            )
             command.position_m[:] = hand
             return command
 
@@ -194,14 +206,9 @@ class Door:
             if grip:  # the place of the door is known less well than was thought
                 self._grip_y_m -= NEARER_M
                 yield Phase("back", back, lambda view: reached(view, low()), limit_s=3.0, until=0.1)
-            yield Phase(
-                "reach",
-                lambda view: view.command(over(), pitch_rad=PITCH_RAD),
-                above,
-                limit_s=5.0,
-                late="the hand does not come over the lever",
-                until=0.15,
-            )
+            late = "the hand does not come over the lever"
+            yield Phase("reach", reach, above, limit_s=5.0, late=late, until=0.13)
+            yield zeroing(reach, until=0.15)
             yield Phase(
                 "touch",
                 lambda view: view.command(over(), pitch_rad=PITCH_RAD, mask=(1, 0, 0), force_n=(-TOUCH_N, 0.0, 0.0)),

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from control.types import Command
-from sim.tasks.task import CONTACT_S, Lasting, Phase, reached
+from sim.tasks.task import CONTACT_S, Lasting, Phase, reached, zeroing
 from sim.tasks.view import TaskView
 
 TOUCH_N = 3.0
@@ -40,16 +40,21 @@ class Press:
         return "the contact is lost" if view.force_n[2] < LOST_SHARE * self.force_n else None
 
     def come_down(self) -> Iterator[Phase]:
-        """Approach, touch gently, press."""
+        """Approach, zero, touch gently, press."""
         touching = Lasting(CONTACT_S)
+
+        def wait(view: TaskView) -> Command:
+            return view.command(self.above_m, pitch_rad=self.pitch_rad)
+
         yield Phase(
             "approach",
-            lambda view: view.command(self.above_m, pitch_rad=self.pitch_rad),
+            wait,
             lambda view: view.phase_s > 1.5 and reached(view, self.above_m),
             limit_s=6.0,
             late=f"the hand does not come above the {self.what}",
-            until=0.1,
+            until=0.08,
         )
+        yield zeroing(wait, until=0.1)
         yield Phase(
             "touch",
             lambda view: self.command(view, TOUCH_N),

@@ -41,6 +41,7 @@ class TaskRunner:
         reason: of a failure, or why it was aborted; empty otherwise.
         moving: whether commands still change; after that the last one holds.
         peak_n: largest estimated force.
+        tare_due: what the hand reads now is to become its zero; whoever sees to that sets it back.
     """
 
     STATE = (
@@ -48,6 +49,7 @@ class TaskRunner:
         "reason",
         "moving",
         "peak_n",
+        "tare_due",
         "phase",
         "_phase",
         "_begun_s",
@@ -63,7 +65,7 @@ class TaskRunner:
     def __init__(self, task: Task, view: TaskView) -> None:
         self.task = task
         self.outcome, self.reason, self.moving = Outcome.RUNNING, "", True
-        self.peak_n, self.phase = 0.0, ""
+        self.peak_n, self.phase, self.tare_due = 0.0, "", False
         self._phases = task.phases()
         self._phase: Phase | None = None
         self._begun_s = self._started_s = self._seen_s = view.time_s
@@ -128,7 +130,7 @@ class TaskRunner:
                 self._end(view, Outcome.FAILED, f"{phase.name}: {problem}")
                 return
         if phase.done(view) or (phase.late is None and view.phase_s >= phase.limit_s):
-            self._done_before = phase.until
+            self._done_before, self.tare_due = phase.until, phase.tares
             self._next(view)
         elif view.phase_s >= phase.limit_s:
             self._end(view, Outcome.FAILED, f"{phase.name}: {phase.late}")

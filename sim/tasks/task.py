@@ -14,6 +14,9 @@ from control.command.limits import DEFAULT_COMMAND, CommandLimits, clip_command
 from control.types import Command
 from sim.tasks.view import TaskView
 
+ZERO_S = 0.8
+"""More than what a tare takes the mean of."""
+
 REACHED_M = 0.02
 """A hand so close to its target has reached it; limits may not move a target farther."""
 
@@ -59,6 +62,7 @@ class Phase:
         patience_s: for how long that must last.
         until: progress, 0 to 1, at the end of the phase.
         recover: told the reason of a failure, which does not end the task then: the hand backs off, and the next phase begins.
+    tares: what the hand reads at the end becomes its zero, where it is free and still.
     """
 
     name: str
@@ -70,6 +74,7 @@ class Phase:
     patience_s: float = 0.5
     until: float = 1.0
     recover: Callable[[str], None] | None = None
+    tares: bool = False
 
 
 class Task(Protocol):
@@ -115,6 +120,13 @@ def require_reach(what: str, points_m: np.ndarray, view: TaskView, limits: Comma
                 f"{what} is out of reach: it is believed at ({at}) m in the heading frame. Drive the robot to where the site "
                 "lies ahead of it, reset the scene, or say with the options site_x_m, site_y_m and site_yaw_rad where it is"
             )
+
+
+def zeroing(command: Callable[[TaskView], Command], until: float) -> Phase:
+    """The hand rests before it touches anything, and what it reads there becomes its zero: most of an estimate's error over the
+    next minute is what the model's masses lack in this posture.
+    """
+    return Phase("zero", command, lambda _: False, limit_s=ZERO_S, until=until, tares=True)
 
 
 def reached(view: TaskView, point_m: np.ndarray, within_m: float = REACHED_M) -> bool:

@@ -14,7 +14,7 @@ from control.command.limits import CommandLimits
 from control.timing import CONTROL_PERIOD_S
 from control.types import Command
 from sim.scenes.valve import CENTER_HEIGHT_M, CUP_BOTTOM_X_M, HANDLE_RADIUS_M
-from sim.tasks.task import CONTACT_S, Lasting, Option, Phase, TaskRefusedError, reached, require_reach
+from sim.tasks.task import CONTACT_S, Lasting, Option, Phase, TaskRefusedError, reached, require_reach, zeroing
 from sim.tasks.view import TaskView
 
 PITCH_RAD = 0.45
@@ -51,7 +51,7 @@ class Valve:
         "place_s": Option(15.0, 0.0, 120.0, "s"),
         "drive_s": Option(20.0, 0.0, 120.0, "s"),
         "forward_mps": Option(0.135, 0.0, 0.15, "m/s to and fro while driving"),
-        "turn_rps": Option(0.22, 0.0, 0.25, "rad/s to and fro while driving"),
+        "turn_rps": Option(0.25, 0.0, 0.25, "rad/s to and fro while driving"),
     }
 
     def __init__(self, options: Mapping[str, float]) -> None:
@@ -144,14 +144,18 @@ class Valve:
                 return "the valve turns no more"
             return None
 
+        def wait(view: TaskView) -> Command:
+            return view.command(before, pitch_rad=PITCH_RAD)
+
         yield Phase(
             "approach",
-            lambda view: view.command(before, pitch_rad=PITCH_RAD),
+            wait,
             lambda view: view.phase_s > 1.5 and reached(view, before),
             limit_s=7.0,
             late="the hand does not come before the handle",
-            until=0.08,
+            until=0.06,
         )
+        yield zeroing(wait, until=0.08)
         yield Phase("touch", lambda view: push(view, top), touched, limit_s=6.0, late="no handle is met", until=0.12)
         yield Phase("search", search, dropped, limit_s=_SEARCH_S, late="the handle's cup is not found", until=0.2)
         yield Phase(

@@ -37,7 +37,7 @@ class FakeSession(Simulation):
         self.command_sequence = 0
         self._command = DEFAULT_COMMAND
         self.dragged = False
-        self.pipeline_resets = 0
+        self.own_deeds = {"reset": 0, "tare": 0}
         self.tasks = SimpleNamespace(running=False)
 
     def pack_state(self) -> None:

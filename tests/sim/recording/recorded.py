@@ -28,8 +28,11 @@ def record(
     deeds: dict[int, tuple[str, dict[str, Any]]] | None = None,
     between: Callable[[int], None] = lambda _: None,
     keyframes_every: int = EVERY_TICKS,
+    asked: Callable[[int], np.void] = setpoint,
 ) -> list[np.void]:
-    """Record `ticks` of a session; `deeds` are done before those ticks. The snapshots of every tenth tick."""
+    """Record `ticks` of a session; `deeds` are done before those ticks, in which `asked` is the set-point. The snapshots of
+    every tenth tick.
+    """
     tap, history = Tap(tap_module.allocate()), History(session)
     keyframes = Keyframes(tap, lambda: history.newest, keyframes_every)
     described = describe_session(session)
@@ -37,7 +40,7 @@ def record(
     metadata = {**described.metadata, "name": "test", "note": "", "started": "2026-11-28T23:15:00.000Z"}
     writer = RecordingWriter(path, replace(described, metadata=metadata), BodyTree.from_mjcf(), START_NS)
     drain = Drain(tap, writer, Heads())
-    resets = session.pipeline_resets
+    own = dict(session.own_deeds)
     snapshots = []
     for tick in range(ticks):
         if deeds and tick in deeds:
@@ -47,11 +50,11 @@ def record(
                 history.clear()
             else:
                 tap.put_event(name, arguments)
-        session.tick_setpoint(setpoint(tick), 0.0)
-        history.ticked(setpoint(tick), 0.0)
-        if session.pipeline_resets != resets:
-            resets = session.pipeline_resets
-            tap.put_event("reset", {})
+        session.tick_setpoint(asked(tick), 0.0)
+        history.ticked(asked(tick), 0.0)
+        for name in (name for name in own if session.own_deeds[name] != own[name]):
+            tap.put_event(name, {})
+        own = dict(session.own_deeds)
         tap.put_tick(session)
         keyframes.ticked(session.pipeline)
         if tick % 10 == 9:

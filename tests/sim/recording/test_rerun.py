@@ -12,7 +12,7 @@ from sim.recording.rerun import reestimate, rerun
 from sim.runtime.simulation import Simulation, SimulationConfig
 from sim.sweep import main
 from tests.sim.recording.recorded import record
-from tests.sim.runtime.test_state_capture import run
+from tests.sim.runtime.test_state_capture import run, setpoint
 
 BEFORE, TICKS = 233, 520
 DEEDS = {
@@ -60,6 +60,22 @@ def test_from_any_keyframe_the_pipeline_gives_the_recorded_bits_again(recording:
         targets = np.ascontiguousarray(whole.targets()["body"]["position"][tick : after + 20])
         assert again.target_position.tobytes() == targets.tobytes(), tick
         part.close()
+
+
+@pytest.mark.slow
+def test_the_tare_of_a_task_is_done_again(tmp_path: Path) -> None:
+    session = Simulation(SimulationConfig(scene="box", seed=9))
+    asked = setpoint(0)
+    asked["drag_active"] = False
+    session.tick_setpoint(asked, 0.0)
+    task = session.start_task("box", {}).runner
+    while task.phase != "zero" and session.time_s < 10.0:
+        session.tick_setpoint(asked, 0.0)
+    record(session, tmp_path / "a.mcap", 450, asked=lambda _: asked)
+    assert session.own_deeds["tare"] == 1 and task.phase == "touch"
+    read = Recording(tmp_path / "a.mcap")
+    assert [event.name for event in read.events()] == ["tare"]
+    assert rerun(read).estimates_n.tobytes() == np.ascontiguousarray(read.estimates_n()).tobytes()
 
 
 @pytest.mark.slow

@@ -18,7 +18,7 @@ from sim.tasks import TASKS, chosen_options, options_of
 from sim.tasks.door import GRIPS, NEARER_M
 from sim.tasks.runner import BACK_OFF_M, BACK_OFF_S, Outcome, TaskRunner
 from sim.tasks.standstill import Standstill
-from sim.tasks.task import Lasting, Option, Phase, RunningMean, TaskRefusedError, require_reach
+from sim.tasks.task import ZERO_S, Lasting, Option, Phase, RunningMean, TaskRefusedError, require_reach, zeroing
 from sim.tasks.view import Site, TaskView
 
 VIEW = TaskView(
@@ -77,6 +77,17 @@ def at(time_s: float, force_n: float = 0.0, **fields: Any) -> TaskView:
 
 def holds(command: Command) -> bool:
     return not command.mask.any() and not command.base_velocity.any() and not command.guidance
+
+
+def test_a_hand_is_tared_once_at_the_end_of_its_rest_and_not_where_that_fails() -> None:
+    runner = TaskRunner(Played({}, zeroing(push, until=0.5), phase("press")), VIEW)
+    runner.step(at(0.9 * ZERO_S))
+    assert runner.phase == "zero" and not runner.tare_due
+    runner.step(at(1.01 * ZERO_S))
+    assert runner.phase == "press" and runner.tare_due
+    fallen = TaskRunner(Played({}, zeroing(push, until=0.5), phase("press")), VIEW)
+    fallen.step(at(0.5 * ZERO_S, damping=True))
+    assert fallen.outcome == Outcome.FAILED and not fallen.tare_due
 
 
 def test_phases_follow_one_another_and_success_is_held() -> None:

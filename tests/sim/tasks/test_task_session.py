@@ -6,6 +6,7 @@ import pytest
 from control.command.limits import DEFAULT_COMMAND
 from control.estimation.registry import EstimatorsConfig
 from control.pipeline import PipelineConfig
+from control.timing import TICK_S
 from sim.benchmarks.task_rows import row
 from sim.runtime.session import SessionError
 from sim.runtime.simulation import Simulation, SimulationConfig
@@ -54,6 +55,20 @@ def test_a_task_commands_until_the_operator_does() -> None:
     np.testing.assert_array_equal(seen["command"]["position_m"], DEFAULT_COMMAND.position_m)
     told = session.task_fields(key)
     assert (told["outcome"], told["reason"]) == ("aborted", "the operator took over")
+
+
+@pytest.mark.parametrize("moving", [False, True])
+def test_a_task_tares_a_resting_hand_before_it_touches_anything(moving: bool) -> None:
+    session = simulation("box")
+    session.set_mismatch(1.1)
+    task = session.start_task("box", {}).runner
+    while task.phase in ("approach", "zero"):
+        tick = round(session.time_s / TICK_S)
+        if moving and task.phase == "zero" and tick % 30 == 0:  # somebody shakes the hand
+            session.add_wrench(force_n=[20.0 if tick % 60 else -20.0, 0.0, 0.0], duration_s=0.06, ramp_s=0.01)
+        session.tick_setpoint(setpoint(0), 0.0)
+    assert task.phase == "touch" and session.own_deeds["tare"] == int(not moving)
+    assert bool(session.pipeline.hand_load.offset("adaptive").any()) is not moving
 
 
 def test_an_aborted_task_holds_and_a_reset_or_the_estop_ends_it() -> None:
