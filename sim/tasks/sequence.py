@@ -101,14 +101,12 @@ class Sequence:
         def failed(reason: str) -> None:
             self._failed = reason
 
-        return Phase(
-            f"{place} {phase.name}",
-            lambda view: phase.command(view.seen_from(site)),
-            lambda view: phase.done(view.seen_from(site)),
-            limit_s=phase.limit_s,
-            late=phase.late,
+        return replace(
+            phase,
+            name=f"{place} {phase.name}",
+            command=lambda view: phase.command(view.seen_from(site)),
+            done=lambda view: phase.done(view.seen_from(site)),
             wrong=lambda view: phase.wrong(view.seen_from(site)),
-            patience_s=phase.patience_s,
             until=until,
             recover=None if gives_up else failed,
         )

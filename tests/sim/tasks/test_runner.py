@@ -244,10 +244,11 @@ def test_a_step_of_a_sequence_that_fails_twice_is_left_out_and_told() -> None:
     names: list[str] = []
     for phase in task.phases():
         names.append(phase.name)
+        assert phase.tares == phase.name.endswith(" zero")
         if phase.name == "valve touch":
             assert phase.recover is not None
             phase.recover("valve touch: no handle is met")
-    assert names.count("valve touch") == 2 and "valve search" not in names
+    assert names.count("valve touch") == names.count("valve zero") == 2 and "valve search" not in names
     assert names.index("board wipe") > names.index("come") and names[-1] == "report"
     assert (task.metrics()["steps"], task.metrics()["steps_done"], task.metrics()["tries"]) == (2.0, 1.0, 3.0)
 
@@ -285,7 +286,8 @@ def test_a_hand_that_slid_off_the_lever_presses_it_again_nearer_to_its_axis_and_
         if phase.name == "press":
             pressed_at.append(phase.command(low).position_m[1])
             assert phase.done(low) == (len(pressed_at) < GRIPS)
-    assert names == ["approach", "reach", "touch", "press", *["back", "reach", "touch", "press"] * (GRIPS - 1), "push"]
+    grip = ["reach", "zero", "touch", "press"]
+    assert names == ["approach", *grip, *["back", *grip] * (GRIPS - 1), "push"]
     np.testing.assert_allclose(np.diff(pressed_at), -NEARER_M)
 
 
