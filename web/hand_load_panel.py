@@ -15,14 +15,14 @@ _MOTION = "Turns the free hand through six postures, in some 11 s: keep clear. A
 
 
 def hand_load_html(snapshot: np.void) -> str:
-    """Tare and tool of a SNAPSHOT record, and why the last motion found no tool."""
+    """Tare and tool of a SNAPSHOT record, and what there is to say of the tool."""
     offset = ", ".join(f"{each:.2f}" for each in snapshot["tare_n"])
     center = ", ".join(f"{100 * each:.1f}" for each in snapshot["tool_center_of_mass"])
     rows = [f"Tare: {offset} N" if snapshot["tare_n"].any() else "Tare: none"]
     mass = snapshot["tool_mass"]
     rows.append(f"Tool: {mass:.2f} kg at {center} cm" if mass > 0 else "Tool: none")
     message = snapshot["tool_message"].decode(errors="replace")
-    note = f'<div data-forcelens="tool-message">No tool was found: {html.escape(message)}</div>' if message else ""
+    note = f'<div data-forcelens="tool-message">{html.escape(message)}</div>' if message else ""
     body = "".join(f"<div>{row}</div>" for row in rows)
     return f'<div style="{theme.SMALL_TEXT}" data-forcelens="hand-load">{body}{note}</div>'
 

@@ -8,12 +8,15 @@ from control.command.command_record import COMMAND
 from control.estimation.adaptive_estimator import AdaptiveEstimator
 from control.hand_load.tare import Tare, TareError
 from control.hand_load.tool import IdentificationConfig, Tool, ToolError, ToolIdentification
-from control.robot_model import RobotModel
+from control.robot_model import GRAVITY_MPS2, RobotModel
 from control.timing import CONTROL_PERIOD_S
 from control.types import Command
 
 SLOW_RPS = 0.2
 """No joint of a robot at rest is faster."""
+
+WEIGHED_N, FELT_SHARE = 5.0, 0.3
+"""A change of the tool's weight by so much shows in what the hand reads; less than this share of it was not there."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,7 +25,7 @@ class HandLoadState:
     tool: as set or found.
     offset_n: (3,) N, in heading, that is taken from the selected estimate.
     identifying: progress of the motion, 0 to 1; None without one.
-    message: why the last motion found nothing; empty where it did.
+    message: why the last motion found nothing, or why the tool as told seems not to be there; empty otherwise.
     """
 
     tool: Tool = field(default_factory=Tool)
@@ -73,8 +76,12 @@ class HandLoad:
         self._tare.clear()
 
     def set_tool(self, tool: Tool) -> None:
-        """Let model, controller and estimators carry a tool from the next tick on."""
-        self._tool, self._message = tool, ""
+        """Let model, controller and estimators carry a tool from the next tick on.
+
+        A weight that the resting hand does not read is carried all the same, for it may be put on later, but said so.
+        """
+        self._message = self._doubt(tool)
+        self._tool = tool
         self._model.carry(tool.mass_kg, tool.center_of_mass_m)
         if self._observed is not None:
             self._observed.forget_parameters()
@@ -104,7 +111,7 @@ class HandLoad:
         if self._asked is None:
             self._asked = asked
         if not in_control or not _same(asked, self._asked):
-            self._motion, self._message = None, "ended by another command or a stop"
+            self._motion, self._message = None, "no tool was found: another command or a stop ended the motion"
             return asked
         return self._motion.command()
 
@@ -127,7 +134,14 @@ class HandLoad:
             try:
                 self.set_tool(motion.tool(self._tool))
             except ToolError as error:
-                self._message = str(error)
+                self._message = f"no tool was found: {error}"
+
+    def _doubt(self, tool: Tool) -> str:
+        """Why this tool seems not to hang on the hand; empty where it may."""
+        reads, weight = self._tare.steady(), GRAVITY_MPS2 * (self._tool.mass_kg - tool.mass_kg)
+        if reads is None or abs(weight) < WEIGHED_N or reads[2] / weight > FELT_SHARE:
+            return ""
+        return f"the hand reads {reads[2]:.0f} N upwards before this change, and should read {weight:.0f} N: is that mounted?"
 
 
 def _require_idle(applied: Command, what: str) -> None:

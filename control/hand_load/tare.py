@@ -40,6 +40,11 @@ class Tare:
         self._mean = self._mean + weight * change
         self._variance += weight * (float(change @ change) - self._variance)
 
+    def steady(self) -> np.ndarray | None:
+        """Mean (3,), N, of the last half second, None where too little was read or it varies."""
+        still = self._elapsed_s >= MEAN_S and math.sqrt(self._variance) <= STILL_N
+        return self._mean if still else None
+
     def take(self, name: str) -> np.ndarray:
         """Make the mean of the last half second the zero of an estimator; the offset (3,), N, in heading.
 

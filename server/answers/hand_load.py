@@ -13,7 +13,7 @@ class ToolAnswer(Answer):
     identifying: float | None
     """progress of the motion that finds the tool, 0 to 1; null without one"""
     message: str | None
-    """why the last motion found nothing; null where it did"""
+    """why the last motion found nothing, or why the tool as told seems not to be mounted; null otherwise"""
 
 
 class TareAnswer(Answer):

@@ -101,7 +101,7 @@ SNAPSHOT = np.dtype(
         ("tool_mass", "f8"),  # kg, what the hand carries as set or found
         ("tool_center_of_mass", "f8", 3),  # m, in the end effector's frame
         ("tool_progress", "f8"),  # of the motion that finds the tool, 0 to 1; NaN without one
-        ("tool_message", "S160"),  # why the last motion found none
+        ("tool_message", "S160"),  # why the last motion found none, or why the tool seems not to be there
         ("tare_n", "f8", 3),  # N, in heading, taken from the selected estimate
         ("mass_adapting", "?"),  # the masses that the selected estimator finds still move
         ("object_count", "u1"),

@@ -92,6 +92,15 @@ def test_another_command_ends_the_motion_and_a_pressing_hand_is_not_tared() -> N
         session.tare()
 
 
+@pytest.mark.parametrize("mounted", [True, False])
+def test_a_tool_that_the_hand_does_not_read_is_doubted(mounted: bool) -> None:
+    session = settled(payload_kg=1.5 if mounted else 0.0)
+    session.set_tool(1.5, [0.0, 0.0, -0.05])
+    assert ("is that mounted?" in session.pipeline.hand_load.state("hybrid").message) is not mounted
+    session.set_tool(1.4, [0.0, 0.0, -0.05])
+    assert session.pipeline.hand_load.state("hybrid").message == ""
+
+
 def test_a_weight_that_nobody_has_told_of_is_not_tared() -> None:
     session = settled(payload_kg=2.5)
     for _ in range(200):
