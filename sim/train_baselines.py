@@ -90,7 +90,8 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--ppo-iterations", type=int, default=defaults.ppo_iterations)
     parser.add_argument("--score-every", type=int, default=defaults.score_every, help="PPO iterations")
     parser.add_argument("--score-minutes", type=float, default=defaults.score_minutes, help="of random commands in a score")
-    parser.add_argument("--no-bfloat16", action="store_true", help="compute in float32 throughout")
+    flag = argparse.BooleanOptionalAction
+    parser.add_argument("--bfloat16", action=flag, default=defaults.bfloat16, help="in hidden layers (default: where faster)")
     parser.add_argument("--run", type=Path, help="folder of the runs (default runs/baselines)")
     parser.add_argument("--output", type=Path, default=WEIGHTS_DIRECTORY, help="folder for weights and manifests")
     parser.add_argument("--executor", choices=EXECUTOR_NAMES, default="local")
@@ -113,7 +114,7 @@ def main(arguments: list[str] | None = None) -> None:
         ppo_iterations=options.ppo_iterations,
         score_every=options.score_every,
         score_minutes=options.score_minutes,
-        bfloat16=not options.no_bfloat16,
+        bfloat16=options.bfloat16,
     )
     methods = [[name for name in options.names if name in (method, method + RETUNED)] for method in METHODS]
     groups = [group for group in methods if group] + [[name] for name in options.names if name in _FORMS]

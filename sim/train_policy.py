@@ -48,7 +48,8 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--imitation-steps", type=int, default=defaults.imitation_steps)
     parser.add_argument("--ppo-iterations", type=int, default=defaults.ppo_iterations)
     parser.add_argument("--score-every", type=int, default=defaults.score_every, help="PPO iterations")
-    parser.add_argument("--no-bfloat16", action="store_true", help="compute in float32 throughout")
+    flag = argparse.BooleanOptionalAction
+    parser.add_argument("--bfloat16", action=flag, default=defaults.bfloat16, help="in hidden layers (default: where faster)")
     parser.add_argument("--run", type=Path, help="folder of the run (default runs/NAME)")
     parser.add_argument("--output", type=Path, default=WEIGHTS_DIRECTORY, help="folder for weights and manifest")
     parser.add_argument("--executor", choices=EXECUTOR_NAMES, default="local")
@@ -74,7 +75,7 @@ def main(arguments: list[str] | None = None) -> None:
         imitation_steps=0 if options.from_scratch else options.imitation_steps,
         ppo_iterations=options.ppo_iterations,
         score_every=options.score_every,
-        bfloat16=not options.no_bfloat16,
+        bfloat16=options.bfloat16,
     )
     folder = options.run or Path("runs") / name
     jobs = []

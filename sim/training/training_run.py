@@ -14,7 +14,7 @@ from typing import Any
 import torch
 
 from control.files import replacing, write_whole
-from control.learning.policy.actor_critic import CRITIC_HIDDEN, HIDDEN
+from control.learning.policy.actor_critic import CRITIC_HIDDEN, HIDDEN, bfloat16_pays
 from control.learning.policy.curves import save_policy_curves
 from control.learning.policy.dagger import DaggerConfig, Samples, imitate
 from control.learning.policy.event_log import EventLog
@@ -48,7 +48,7 @@ class PolicyTrainingConfig:
         the arm by the hand.
     averaging: share of the old average that an iteration leaves in the network that is scored, which is the running average of
         those that learn: what a gradient's noise adds to one iteration's network averages out.
-    bfloat16: compute hidden layers in bfloat16; pays on CPUs with such instructions.
+    bfloat16: compute hidden layers in bfloat16; by default where this machine is faster so.
     """
 
     name: str = "policy"
@@ -70,7 +70,7 @@ class PolicyTrainingConfig:
     correction_parts: tuple[int, ...] = (12, 4, 6)
     correction_weights: tuple[tuple[float, ...], ...] = ((1.5, 0.7), (1.5, 0.7), (0.3, 1.0))
     averaging: float = 0.98
-    bfloat16: bool = True
+    bfloat16: bool = field(default_factory=bfloat16_pays)
     dagger: DaggerConfig = field(default_factory=DaggerConfig)
     ppo: PpoConfig = field(default_factory=PpoConfig)
 
