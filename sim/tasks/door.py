@@ -41,6 +41,8 @@ OPEN_RAD = 1.2
 HAND_AHEAD_M, HAND_NEAR_M = 0.60, 0.35
 FOLLOW_MPS, THROUGH_MPS, FAST_MPS = 0.2, 0.15, 0.25
 FAST_FROM_X_M, THROUGH_X_M = 1.10, 1.95
+BESIDE_M = -0.1
+"""A hand that falls back beside the base comes to the end of the arm's turn, and then pushes as fast as the base drives."""
 OFF_N, OFF_S = 10.0, 0.4
 """How the hand yields to the leaf that it slides off from."""
 STALLED_S = 6.0
@@ -173,7 +175,8 @@ class Door:
         def through(view: TaskView) -> Command:
             angle, radius = self.leaf(view.hand_m)
             self._open(view, angle)
-            ahead = THROUGH_MPS if view.position_m[0] < FAST_FROM_X_M else FAST_MPS
+            slow = view.position_m[0] < FAST_FROM_X_M or view.hand_in_heading_m[0] < BESIDE_M
+            ahead = THROUGH_MPS if slow else FAST_MPS
             return view.command(
                 np.array([*view.hand_m[:2], FREE_Z_M]),
                 pitch_rad=PITCH_RAD,
@@ -188,13 +191,14 @@ class Door:
             return view.position_m[0] > THROUGH_X_M or view.hand_in_heading_m[0] < -0.50 or self.leaf(view.hand_m)[1] > WIDTH_M
 
         def leave(view: TaskView) -> Command:
-            ahead = FAST_MPS if view.position_m[0] < THROUGH_X_M else 0.0
+            sliding = view.phase_s < OFF_S
+            ahead = THROUGH_MPS if sliding else FAST_MPS if view.position_m[0] < THROUGH_X_M else 0.0
             hand = np.array([0.5, 0.0, 0.62])
             command = view.command(
                 np.zeros(3),
                 pitch_rad=0.6,
                 yaw_rad=view.yaw_rad,
-                mask=(0, 1, 0) if view.phase_s < OFF_S else (0, 0, 0),
+                mask=(0, 1, 0) if sliding else (0, 0, 0),
                 force_n=(0.0, -OFF_N, 0.0),
                 velocity=(ahead, _steer(view, ahead)),
             )
