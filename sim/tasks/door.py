@@ -37,10 +37,12 @@ TOUCH_N = 3.0
 AJAR_RAD = 0.14
 RADIUS_M, OUTER_RADIUS_M = 0.70, 0.74
 ALONG_STIFFNESS, ALONG_LIMIT_N = 60.0, 8.0
-OPEN_RAD = 1.2
+OPEN_RAD, ENOUGH_RAD = 1.2, 1.4
+"""Wide enough to drive on; a leaf beyond the other is pushed less, for its edge would come out of the arm's reach."""
 HAND_AHEAD_M, HAND_NEAR_M = 0.60, 0.35
 FOLLOW_MPS, THROUGH_MPS, FAST_MPS = 0.2, 0.15, 0.25
-FAST_FROM_X_M, THROUGH_X_M = 1.10, 1.95
+FAST_FROM_X_M, THROUGH_X_M, CLEAR_X_M = 1.10, 1.95, 2.25
+"""The last one lies out of the way of the leaf that falls shut."""
 BESIDE_M = -0.1
 """A hand that falls back beside the base comes to the end of the arm's turn, and then pushes as fast as the base drives."""
 OFF_N, OFF_S = 10.0, 0.4
@@ -177,12 +179,13 @@ class Door:
             self._open(view, angle)
             slow = view.position_m[0] < FAST_FROM_X_M or view.hand_in_heading_m[0] < BESIDE_M
             ahead = THROUGH_MPS if slow else FAST_MPS
+            less = float(np.clip(1.0 - (angle - ENOUGH_RAD) / 0.5, 0.4, 1.0))
             return view.command(
                 np.array([*view.hand_m[:2], FREE_Z_M]),
                 pitch_rad=PITCH_RAD,
                 yaw_rad=float(np.clip(angle, 0.0, 1.5)),
                 mask=(1, 1, 0),
-                force_n=_on_leaf(angle, self._push, radius, OUTER_RADIUS_M),
+                force_n=_on_leaf(angle, self._push * less, radius, OUTER_RADIUS_M),
                 velocity=(ahead, _steer(view, ahead)),
             )
 
@@ -192,7 +195,7 @@ class Door:
 
         def leave(view: TaskView) -> Command:
             sliding = view.phase_s < OFF_S
-            ahead = THROUGH_MPS if sliding else FAST_MPS if view.position_m[0] < THROUGH_X_M else 0.0
+            ahead = THROUGH_MPS if sliding else FAST_MPS if view.position_m[0] < CLEAR_X_M else 0.0
             hand = np.array([0.5, 0.0, 0.62])
             command = view.command(
                 np.zeros(3),
