@@ -40,7 +40,7 @@ ALONG_STIFFNESS, ALONG_LIMIT_N = 60.0, 8.0
 OPEN_RAD, ENOUGH_RAD = 1.2, 1.4
 """Wide enough to drive on; a leaf beyond the other is pushed less, for its edge would come out of the arm's reach."""
 HAND_AHEAD_M, HAND_NEAR_M = 0.60, 0.35
-FOLLOW_MPS, SLOW_MPS, THROUGH_MPS, FAST_MPS = 0.2, 0.12, 0.15, 0.25
+FOLLOW_MPS, THROUGH_MPS, FAST_MPS = 0.2, 0.15, 0.25
 FAST_FROM_X_M, THROUGH_X_M, CLEAR_X_M = 1.10, 1.95, 2.25
 """The last one lies out of the way of the leaf that falls shut."""
 BESIDE_M = 0.1
@@ -177,8 +177,8 @@ class Door:
         def through(view: TaskView) -> Command:
             angle, radius = self.leaf(view.hand_m)
             self._open(view, angle)
-            beside = view.hand_in_heading_m[0] < BESIDE_M
-            ahead = SLOW_MPS if beside else THROUGH_MPS if view.position_m[0] < FAST_FROM_X_M else FAST_MPS
+            slow = view.position_m[0] < FAST_FROM_X_M or view.hand_in_heading_m[0] < BESIDE_M
+            ahead = THROUGH_MPS if slow else FAST_MPS
             less = float(np.clip(1.0 - (angle - ENOUGH_RAD) / 0.5, 0.4, 1.0))
             return view.command(
                 np.array([*view.hand_m[:2], FREE_Z_M]),
