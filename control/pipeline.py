@@ -31,6 +31,7 @@ from control.estimation.force_estimator import EstimatorInput, ForceEstimator, r
 from control.estimation.mistrust import EstimatorFlag, Mistrust, MistrustConfig
 from control.estimation.odometry import OdometryConfig, WheelOdometry
 from control.estimation.registry import EstimatorsConfig, adaptive_of, bases, make_estimators
+from control.estimation.rolling_contact import rolling_velocity
 from control.failures import FailureError, Failures
 from control.faults import Fault
 from control.hand_load.load import HandLoad
@@ -344,7 +345,9 @@ class Pipeline:
             drive = drive + relief_velocity(hand.force_estimated_n, bearable)
         velocity = self.model.rotation_heading_to_world.T @ base.rotation_base_to_world @ base.linear_velocity_in_base
         velocity[2] = base.angular_velocity_in_base[2]
-        self._blocked_base.step(command.base_velocity, drive, self._applied.base_velocity, velocity, CONTROL_PERIOD_S)
+        rolled = self.model.rotation_heading_to_world.T @ rolling_velocity(self.model)
+        applied = self._applied.base_velocity
+        self._blocked_base.step(command.base_velocity, drive, applied, velocity, rolled, CONTROL_PERIOD_S)
         if self._blocked_base.blocked:
             free = self._blocked_base.free(drive)
             self._filter.drive_no_faster(velocity, free != drive)

@@ -22,17 +22,20 @@ def drive(velocity: np.ndarray) -> Command:
     return replace(DEFAULT_COMMAND, base_velocity=velocity)
 
 
-def after(watch: BlockedBase, asked: np.ndarray, measured: np.ndarray, way: float) -> np.ndarray:
-    """Base velocity that is left when the base should have gone `way`."""
+def after(
+    watch: BlockedBase, asked: np.ndarray, measured: np.ndarray, way: float, rolled: np.ndarray | None = None
+) -> np.ndarray:
+    """Base velocity that is left when the base should have gone `way`; its wheels do not slip unless said."""
+    rolled = measured if rolled is None else rolled
     for _ in range(round(way / np.abs(asked).max() / CONTROL_PERIOD_S)):
-        watch.step(asked, asked, asked, measured, CONTROL_PERIOD_S)
+        watch.step(asked, asked, asked, measured, rolled, CONTROL_PERIOD_S)
     return watch.free(asked)
 
 
 def asking(watch: BlockedBase, asked: np.ndarray, relieved: np.ndarray | None = None) -> np.ndarray:
     """Base velocity that is left of what is asked for while the base stands."""
     drive = asked if relieved is None else relieved
-    watch.step(asked, drive, STILL, STILL, CONTROL_PERIOD_S)
+    watch.step(asked, drive, STILL, STILL, STILL, CONTROL_PERIOD_S)
     return watch.free(drive)
 
 
@@ -65,6 +68,13 @@ def test_a_base_that_moves_drives_on(measured: np.ndarray) -> None:
     assert np.array_equal(after(BlockedBase(CONFIG), AHEAD, measured, 3.0), AHEAD)
 
 
+def test_slow_wheels_are_believed_and_fast_ones_may_spin() -> None:
+    slow, off = 0.4 * AHEAD, 0.4 * AHEAD - [0.07, 0.0, 0.0]
+    assert np.array_equal(after(BlockedBase(CONFIG), slow, off, 3.0, rolled=slow), slow)
+    assert np.array_equal(after(BlockedBase(CONFIG), slow, slow, 0.2, rolled=STILL), STILL)
+    assert np.array_equal(after(BlockedBase(CONFIG), AHEAD, STILL, 0.2, rolled=AHEAD), STILL)
+
+
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_base_that_is_turned_about_a_caught_wheel_stops(sign: float) -> None:
     turned = AHEAD + np.array([0.0, 0.0, sign])
@@ -80,9 +90,12 @@ def upright(trial: Trial) -> float:
 
 
 @pytest.mark.slow
-def test_a_robot_that_is_driven_against_a_board_stands_upright_and_says_so() -> None:
+@pytest.mark.parametrize(("ahead_mps", "turn_rps", "seconds"), [(0.4, 0.2, 5.0), (0.12, 0.0, 12.0)])
+def test_a_robot_that_is_driven_against_a_board_stands_upright_and_says_so(
+    ahead_mps: float, turn_rps: float, seconds: float
+) -> None:
     trial, told = Trial(TrialSetup(), seed=614, scene="board"), Fault.NONE
-    for _ in trial.run(drive(np.array([0.4, 0.0, 0.2])), 5.0):
+    for _ in trial.run(drive(np.array([ahead_mps, 0.0, turn_rps])), seconds):
         told |= trial.session.output.safety.faults
         assert upright(trial) > np.cos(np.radians(12.0))
     assert Fault.BASE_BLOCKED in told
