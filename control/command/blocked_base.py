@@ -19,7 +19,7 @@ class BlockedBaseConfig:
         least: base velocity [m/s, m/s, rad/s] below which nothing is concluded.
         share: of the velocity that is asked for; a base that has less does not move. Turning has to scrub, and is slower.
         way: [m, m, rad] that it should have gone meanwhile.
-        gripping: [m/s, m/s, rad/s] up to which the wheels of a blocked base do not spin: what they roll is its velocity, and the
+        gripping: [m/s, m/s, rad/s] up to which the wheels of a blocked base do not spin. What they roll is its velocity; the
             measured one may be off by as much as counts. Faster ones spin, and only the accelerometer tells.
         off_course_rps: what a driven base may turn faster or slower than it is asked to.
         off_course_rad: turned beyond that, and something has caught a wheel or a leg and turns the base about it.
