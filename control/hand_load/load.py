@@ -141,7 +141,7 @@ class HandLoad:
         reads, weight = self._tare.steady(), GRAVITY_MPS2 * (self._tool.mass_kg - tool.mass_kg)
         if reads is None or abs(weight) < WEIGHED_N or reads[2] / weight > FELT_SHARE:
             return ""
-        return f"the hand reads {reads[2]:.0f} N upwards before this change, and should read {weight:.0f} N: is that mounted?"
+        return f"before this change the hand read {reads[2]:.1f} N upwards, not {weight:.1f} N: is the tool mounted as told?"
 
 
 def _require_idle(applied: Command, what: str) -> None:

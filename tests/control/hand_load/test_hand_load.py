@@ -96,7 +96,7 @@ def test_another_command_ends_the_motion_and_a_pressing_hand_is_not_tared() -> N
 def test_a_tool_that_the_hand_does_not_read_is_doubted(mounted: bool) -> None:
     session = settled(payload_kg=1.5 if mounted else 0.0)
     session.set_tool(1.5, [0.0, 0.0, -0.05])
-    assert ("is that mounted?" in session.pipeline.hand_load.state("hybrid").message) is not mounted
+    assert ("is the tool mounted as told?" in session.pipeline.hand_load.state("hybrid").message) is not mounted
     session.set_tool(1.4, [0.0, 0.0, -0.05])
     assert session.pipeline.hand_load.state("hybrid").message == ""
 
