@@ -13,6 +13,8 @@ from sim.tasks.view import TaskView
 
 BACK_OFF_M = 0.08
 BACK_OFF_S = 1.5
+BIAS_N = 5.0
+"""A resting hand that reads more is held, or touches something, and is not tared."""
 FELT_N = 2.0
 """Of a contact whose direction is worth remembering."""
 LEANING = 0.98
@@ -130,7 +132,8 @@ class TaskRunner:
                 self._end(view, Outcome.FAILED, f"{phase.name}: {problem}")
                 return
         if phase.done(view) or (phase.late is None and view.phase_s >= phase.limit_s):
-            self._done_before, self.tare_due = phase.until, phase.tares
+            self._done_before = phase.until
+            self.tare_due = phase.tares and float(np.linalg.norm(view.force_in_heading_n)) < BIAS_N
             self._next(view)
         elif view.phase_s >= phase.limit_s:
             self._end(view, Outcome.FAILED, f"{phase.name}: {phase.late}")

@@ -85,6 +85,9 @@ def test_a_hand_is_tared_once_at_the_end_of_its_rest_and_not_where_that_fails() 
     assert runner.phase == "zero" and not runner.tare_due
     runner.step(at(1.01 * ZERO_S))
     assert runner.phase == "press" and runner.tare_due
+    held = TaskRunner(Played({}, zeroing(push, until=0.5), phase("press")), VIEW)
+    held.step(at(1.01 * ZERO_S, -8.0))
+    assert held.phase == "press" and not held.tare_due
     fallen = TaskRunner(Played({}, zeroing(push, until=0.5), phase("press")), VIEW)
     fallen.step(at(0.5 * ZERO_S, damping=True))
     assert fallen.outcome == Outcome.FAILED and not fallen.tare_due
