@@ -20,7 +20,9 @@ class StanceConfig:
     """Attributes:
     gain: 1/s, of the distance between the centre of pressure and the middle of the wheels, beyond the dead band.
     dead_band_m: distance that is left alone; the wheels stand 0.17 m from their middle.
-    return_gain: 1/s, at which the wheels go back to their nominal place.
+    return_gain: 1/s, at which the wheels go back to their nominal place while the centre of pressure is off their middle.
+    rest_return_gain: the same where it is in their middle. A base that comes back over wheels that stand moves the hand; 2 s
+        after the last pull of whoever led it aside it shall be at rest.
     limit_m: farthest shift of the wheels from their nominal place, per axis. With 0.14 m a sudden pull of 40 N back and up
         lifts the front wheels of a light robot for good.
     lead_m: farthest shift that is asked for beyond where the legs hold the wheels. They follow within 0.03 m; where something
@@ -31,6 +33,7 @@ class StanceConfig:
     gain: float = 5.0
     dead_band_m: float = 0.025
     return_gain: float = 0.2
+    rest_return_gain: float = 0.8
     limit_m: float = 0.2
     lead_m: float = 0.05
     speed_mps: float = 0.4
@@ -66,8 +69,10 @@ def shifted_posture(
     for i in range(2):
         offset = pressure[i] / max(load, 1.0) - middle[i]
         excess = offset - clip(offset, -stance.dead_band_m, stance.dead_band_m)
+        loaded = clip(abs(offset) / stance.dead_band_m, 0.0, 1.0)
+        back = loaded * stance.return_gain + (1.0 - loaded) * stance.rest_return_gain
         last = state.shift[i]
-        velocity = clip(stance.gain * excess - stance.return_gain * last, -stance.speed_mps, stance.speed_mps)
+        velocity = clip(stance.gain * excess - back * last, -stance.speed_mps, stance.speed_mps)
         shift = clip(last + velocity * CONTROL_PERIOD_S, reached[i] - stance.lead_m, reached[i] + stance.lead_m)
         state.shift[i] = clip(shift, -stance.limit_m, stance.limit_m)
         state.shift_velocity[i] = (state.shift[i] - last) / CONTROL_PERIOD_S

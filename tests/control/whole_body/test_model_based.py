@@ -271,6 +271,22 @@ def test_the_stance_leaves_small_offsets_alone(model):
     assert np.allclose(posture, NOMINAL_POSITION[LEG_SLICE])
 
 
+def test_the_stance_comes_back_before_the_hand_that_was_let_go_shall_rest(model):
+    """It moves the hand on as it does; by a share of `return_gain` within a second while something still pulls a little."""
+    config = StanceConfig()
+    stance, state = stance_record(config, model), np.zeros(1, STANCE_STATE)
+    terms, forces = np.zeros(1, BODY_TERMS), np.zeros((4, 3))
+    terms["rotation_heading_to_world"] = terms["rotation_base_to_world"] = np.eye(3)
+    model.update_configuration(np.eye(3), NOMINAL_POSITION)
+    terms["contacts"] = contacts = model.wheel_contact_positions
+    for lean, gain in ((0.0, config.rest_return_gain), (config.dead_band_m, config.return_gain)):
+        forces[:, 2] = 60.0 * (1.0 + lean * np.sign(contacts[:, 1]) / np.abs(contacts[:, 1] - contacts[:, 1].mean()))
+        state["shift"] = 0.0, 0.03
+        for _ in range(50):
+            shifted_posture(stance[0], terms[0], forces, state[0], np.empty(12))
+        assert state["shift"][0, 1] == pytest.approx(0.03 * np.exp(-gain), rel=0.02)
+
+
 def test_rolling_wheels_tell_the_base_velocity(model):
     velocity = np.zeros(JOINT_COUNT)
     velocity[WHEEL_SLICE] = 0.4 / WHEEL_RADIUS_M
