@@ -1,4 +1,7 @@
-"""What route handlers are given."""
+"""What route handlers are given.
+
+By coroutines: FastAPI runs plain functions in a thread, whose turns an e-stop would wait for.
+"""
 
 from typing import Annotated
 
@@ -9,11 +12,11 @@ from server.build_info import BuildInfo
 from server.operator import Operator
 
 
-def _operator(connection: HTTPConnection) -> Operator:
+async def _operator(connection: HTTPConnection) -> Operator:
     return connection.app.state.operator
 
 
-def _build(connection: HTTPConnection) -> BuildInfo:
+async def _build(connection: HTTPConnection) -> BuildInfo:
     return connection.app.state.build
 
 

@@ -44,6 +44,8 @@ class GuardedHttpProtocol(HttpToolsProtocol):
     def connection_lost(self, exc: Exception | None) -> None:
         self._request_timer = _cancelled(self._request_timer)
         self._write_timer = _cancelled(self._write_timer)
+        # uvicorn forgets it where a peer breaks off: thousands of dead connections, that the garbage collector looks through.
+        self.timeout_keep_alive_task = _cancelled(self.timeout_keep_alive_task)
         super().connection_lost(exc)
 
     def data_received(self, data: bytes) -> None:

@@ -2,9 +2,11 @@
 
 import asyncio
 import contextlib
+import gc
 import inspect
 import resource
 import socket
+import struct
 import subprocess
 import sys
 import time
@@ -15,6 +17,7 @@ from urllib.parse import urlsplit
 
 import httpx
 import pytest
+from fastapi import FastAPI
 from starlette.types import Message, Receive, Scope, Send
 from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
 
@@ -33,6 +36,7 @@ from server.admission import (
 )
 from server.crowd import max_connections
 from server.http_protocol import MAX_HEAD_BYTES, GuardedHttpProtocol
+from server.web_server import uvicorn_config
 from tests.server.running_server import RunningServer
 
 HEAD = b"GET /api/v1/state HTTP/1.1\r\nHost: 127.0.0.1\r\n"
@@ -142,6 +146,18 @@ def test_an_answer_that_nobody_takes_is_given_up(server: RunningServer, monkeypa
             while data := connection.recv(65536):
                 received += len(data)
     assert received < 10 * page
+
+
+def test_whoever_breaks_off_after_his_answer_leaves_nothing_behind(server: RunningServer) -> None:
+    for _ in range(20):
+        with connect(server.port) as connection:
+            connection.sendall(HEAD + b"\r\n")
+            assert connection.recv(12) == b"HTTP/1.1 200"
+            connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))  # ends by a reset
+    end = time.monotonic() + uvicorn_config(FastAPI()).timeout_keep_alive / 2.0
+    while any(isinstance(each, GuardedHttpProtocol) and each not in each.connections for each in gc.get_objects()):
+        assert time.monotonic() < end
+        time.sleep(0.05)
 
 
 def test_the_newest_gets_in_whoever_waits_longest_goes(server: RunningServer, monkeypatch: pytest.MonkeyPatch) -> None:
