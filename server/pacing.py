@@ -25,8 +25,12 @@ TICK_BOUNDS_S = (1e-4, 2e-4, 3e-4, 4e-4, 5e-4, 6e-4, 8e-4, 1e-3, 1.25e-3, 1.5e-3
 RATE_WINDOW_S = 1.0
 MINUTE_S = 60.0
 STATISTICS_EVERY = 250
-YIELD_AFTER_S = 0.05
-YIELD_S = 5e-4
+REST_AFTER_S = 0.005
+REST_SHARE = 0.1
+LONGEST_REST_S = 0.001
+"""A loop that cannot keep up rests after so much work, for a share of it. Linux stops a real-time process that works for 0.95
+of a second until that is over (`sched_rt_runtime_us`): 50 ms in which no e-stop acts. Others on its core wait until it rests.
+"""
 
 
 @value
@@ -99,9 +103,8 @@ class Pacer:
         if self._due_s > now:
             self._sleep(self._due_s - now)
             self._slept_s = now = self._clock()
-        elif now - self._slept_s > YIELD_AFTER_S:
-            # A real-time process that never sleeps would starve the web server on its core.
-            self._sleep(YIELD_S)
+        elif now - self._slept_s > REST_AFTER_S:
+            self._sleep(min(REST_SHARE * (now - self._slept_s), LONGEST_REST_S))
             self._slept_s = now = self._clock()
         self._started_s = now
 

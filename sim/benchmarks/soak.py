@@ -1,9 +1,9 @@
 """Attack and soak of a console: `python -m sim.benchmarks.soak` (30 minutes; `--minutes`, or `--quick` for one).
 
-Processes are stopped and killed in every order. Then, in two rounds, one console stands generated calls, raw sockets, floods at
-the maximum of wrenches, and random valid use in windows, while its e-stop is pressed all along. Memory is judged by what the
-second round ends with more than the first: what is taken once, at the first of anything, is no growth. Quantiles and deadlines
-are meaningful on an otherwise quiet machine only. It needs `pip install -e ".[soak]"`.
+Processes are stopped and killed in every order. Then, in three rounds, one console stands generated calls, raw sockets,
+floods at the maximum of wrenches, and random valid use in windows, while its e-stop is pressed all along. Memory is judged by
+what the last round ends with more than the one before: what is taken once, at the first of anything, is no growth. Quantiles
+and deadlines are meaningful on an otherwise quiet machine only. It needs `pip install -e ".[soak]"`.
 """
 
 import json
@@ -28,7 +28,7 @@ USE_S = 5.0
 MEMORY_MINUTES = 10.0
 """A shorter soak says nothing about growth per hour."""
 
-ROUNDS = 2
+ROUNDS = 3
 SHARES = {"generated calls": 0.3, "raw sockets": 0.2, "flood at the maximum of wrenches": 0.2, "random valid use": 0.3}
 """Of a round."""
 
@@ -133,8 +133,8 @@ class Memory:
                 return
 
     def finish(self, report: Report, phases: Phases) -> float:
-        """Rows of the median in each phase and round; the growth of both processes together, in MB per hour, from the last
-        phase of the first round to that of the last one.
+        """Rows of the median in each phase and round; the growth of both processes together, in MB per hour, between the
+        last phases of the last two rounds.
         """
         self._ended.set()
         self._thread.join()
@@ -146,8 +146,8 @@ class Memory:
                 medians = [float(np.median(size[samples])) for samples in phases.during(phase, times)]
                 for turn, median in enumerate(medians, start=1):
                     value(report, "memory", f"{process}, {phase}, round {turn}", median, "MB")
-            grown_mb += medians[-1] - medians[0]
-        first, *_, last = (times[samples].mean() for samples in phases.during(list(SHARES)[-1], times))
+            grown_mb += medians[-1] - medians[-2]
+        *_, first, last = (times[samples].mean() for samples in phases.during(list(SHARES)[-1], times))
         return value(report, "memory", "growth", 3600.0 * grown_mb / (last - first), "MB/h")
 
 
