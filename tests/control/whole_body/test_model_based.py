@@ -12,7 +12,6 @@ from control.joints import (
     ARM_SLICE,
     DAMPING,
     JOINT_COUNT,
-    LEG_SLICE,
     NOMINAL_BASE_HEIGHT_M,
     NOMINAL_POSITION,
     STIFFNESS,
@@ -30,7 +29,6 @@ from control.whole_body.controller import ControllerInput
 from control.whole_body.legs import LEGS, LegConfig, ground_forces
 from control.whole_body.model_based import ModelBasedConfig, ModelBasedController, ModelBasedLaw
 from control.whole_body.reference_correction import CORRECTION, NO_CORRECTION
-from control.whole_body.stance import STANCE_STATE, StanceConfig, shifted_posture, stance_record
 from control.whole_body.task_memory import TaskMemory, TaskMemoryConfig
 from control.whole_body.task_signals import TASK_SIGNALS, task_signals
 from control.whole_body.wheels import WHEEL_STATE, WHEELS, WheelConfig, wheel_targets
@@ -226,65 +224,6 @@ def test_a_pitched_trunk_gets_a_restoring_moment(model):
     gain = (balance(inputs(model, tilt=0.1)) - balance(inputs(model)))[:, 2]
     front, rear = slice(0, 2), slice(2, 4)
     assert gain[front].sum() > gain[rear].sum()
-
-
-def stand(model, config, vertical_forces, periods, follows=True):
-    """Leg posture (12,) and state of a stance with these loads after some periods, of legs that follow or do not."""
-    stance, state, posture = stance_record(config, model), np.zeros(1, STANCE_STATE), np.empty(12)
-    terms, forces = np.zeros(1, BODY_TERMS), np.zeros((4, 3))
-    terms["rotation_heading_to_world"] = terms["rotation_base_to_world"] = np.eye(3)
-    joints, forces[:, 2] = NOMINAL_POSITION.copy(), vertical_forces
-    for _ in range(periods):
-        model.update_configuration(np.eye(3), joints)
-        terms["contacts"] = model.wheel_contact_positions
-        shifted_posture(stance[0], terms[0], forces, state[0], posture)
-        if follows:
-            joints[LEG_SLICE] = posture
-    return posture, state[0]
-
-
-def test_the_stance_follows_the_centre_of_pressure_and_its_legs_put_the_wheels_there(model):
-    """Front wheels that bear the more draw the wheels ahead, for the trunk shall stand behind them, up to the limit."""
-    config = StanceConfig(return_gain=0.0, limit_m=0.1)
-    posture, state = stand(model, config, (100.0, 100.0, 10.0, 10.0), 200)
-    bent = NOMINAL_POSITION.copy()
-    model.update_configuration(np.eye(3), bent)
-    nominal = model.wheel_contact_positions.copy()
-    bent[LEG_SLICE] = posture
-    model.update_configuration(np.eye(3), bent)
-    moved = model.wheel_contact_positions - nominal
-    assert np.allclose(moved[:, 0], config.limit_m, atol=0.01), "linear in the joints, so short by a centimetre at the farthest"
-    assert np.allclose(moved[:, 1], 0.0, atol=1e-3)
-    assert np.allclose(state.shift_velocity, 0.0)
-
-
-def test_the_stance_does_not_run_away_from_wheels_that_do_not_follow(model):
-    """Blocked, or moved by somebody who imitates it."""
-    config = StanceConfig()
-    _, state = stand(model, config, (100.0, 100.0, 10.0, 10.0), 200, follows=False)
-    assert np.allclose(state.shift, [config.lead_m, 0.0])
-    assert np.allclose(state.shift_velocity, 0.0)
-
-
-def test_the_stance_leaves_small_offsets_alone(model):
-    posture, _ = stand(model, StanceConfig(), (62.0, 62.0, 55.0, 55.0), 1)
-    assert np.allclose(posture, NOMINAL_POSITION[LEG_SLICE])
-
-
-def test_the_stance_comes_back_before_the_hand_that_was_let_go_shall_rest(model):
-    """It moves the hand on as it does; by a share of `return_gain` within a second while something still pulls a little."""
-    config = StanceConfig()
-    stance, state = stance_record(config, model), np.zeros(1, STANCE_STATE)
-    terms, forces = np.zeros(1, BODY_TERMS), np.zeros((4, 3))
-    terms["rotation_heading_to_world"] = terms["rotation_base_to_world"] = np.eye(3)
-    model.update_configuration(np.eye(3), NOMINAL_POSITION)
-    terms["contacts"] = contacts = model.wheel_contact_positions
-    for lean, gain in ((0.0, config.rest_return_gain), (config.dead_band_m, config.return_gain)):
-        forces[:, 2] = 60.0 * (1.0 + lean * np.sign(contacts[:, 1]) / np.abs(contacts[:, 1] - contacts[:, 1].mean()))
-        state["shift"] = 0.0, 0.03
-        for _ in range(50):
-            shifted_posture(stance[0], terms[0], forces, state[0], np.empty(12))
-        assert state["shift"][0, 1] == pytest.approx(0.03 * np.exp(-gain), rel=0.02)
 
 
 def test_rolling_wheels_tell_the_base_velocity(model):
