@@ -1,7 +1,7 @@
 """What programs wait for beside the simulation itself: `python -m sim.benchmarks.client`.
 
-Steps of a paused console through `server.client`, its metrics, and the Gymnasium vector environment in turn with the bare
-training world. Meaningful on an otherwise quiet machine only. It needs `pip install -e ".[gym]"`.
+Steps of a paused console, asked for as `server.client` does, its metrics, and the Gymnasium vector environment in turn with the
+bare training world. Meaningful on an otherwise quiet machine only. It needs `pip install -e ".[gym]"`.
 """
 
 import http.client
@@ -13,7 +13,6 @@ import gymnasium
 import numpy as np
 
 from control.timing import TICK_S
-from server.client import Console
 from sim.benchmarks.report import Report, argument_parser, at_least, at_most
 from sim.benchmarks.server_process import ServerProcess
 
@@ -36,10 +35,14 @@ def console(report: Report, steps: int, scrapes: int) -> None:
     """`step` and `/metrics` of a console that stands."""
     server = ServerProcess("--seed", str(report.seed))
     try:
-        with Console(f"http://127.0.0.1:{server.port}") as client:
-            client.pause()
-            client.step(BLOCK)
-            over_ms = 1e3 * (_times_s(lambda: client.step(TICKS), steps) - TICKS * TICK_S)
+        server.request("POST", "/api/v1/run", {"state": "paused"})
+
+        def step() -> None:
+            server.request("POST", "/api/v1/step", {"ticks": TICKS})
+            server.request("GET", "/api/v1/state")
+
+        step()
+        over_ms = 1e3 * (_times_s(step, steps) - TICKS * TICK_S)
         connection = http.client.HTTPConnection("127.0.0.1", server.port)
 
         def scrape() -> None:
