@@ -53,7 +53,7 @@ class Ring:
         """Index of the next record."""
         return self._words[0]
 
-    def put(self, record: memoryview) -> None:
+    def put(self, record: memoryview | bytes) -> None:
         """Append a record, given as its bytes. Only one thread of one process may."""
         words = self._words
         head = words[0]

@@ -2,38 +2,18 @@
 
 import json
 import logging
+import sys
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from control.joints import JOINT_COUNT
-from control.timing import MOST_ESTIMATORS, SLOT_COUNT
+from control.timing import SLOT_COUNT
 from sim.processes.anonymous_memory import AnonymousMemory
 from sim.recording.ring import Ring, bytes_of
-from sim.runtime.snapshot import COMMAND, SNAPSHOT
+from sim.recording.tick_row import TICK, TickRow
+from sim.runtime.snapshot import SNAPSHOT
 
 _log = logging.getLogger(__name__)
-
-TICK = np.dtype(
-    [
-        ("time_s", "f8"),  # of the session, after the tick
-        ("sensor_time_s", "f8"),
-        ("orientation_wxyz", "f8", 4),
-        ("angular_velocity", "f8", 3),
-        ("linear_acceleration", "f8", 3),
-        ("joint_position", "f8", JOINT_COUNT),
-        ("joint_velocity", "f8", JOINT_COUNT),
-        ("joint_torque", "f8", JOINT_COUNT),
-        ("command", [(name, "f8", COMMAND[name].shape) for name in COMMAND.names or ()]),  # as it went into the pipeline
-        ("command_age_s", "f8"),
-        ("applied_mask", "f8", 3),  # of the command as applied, which the next tick's estimators read
-        ("estimates_n", "f8", (MOST_ESTIMATORS, 3)),  # in the order of the pipeline's estimators, NaN where there is none
-        ("sigma_n", "f8", 3),
-        ("target_position", "f8", JOINT_COUNT),  # to the drives
-        ("target_velocity", "f8", JOINT_COUNT),
-    ]
-)
-"""One tick. Units SI; forces in heading, of the environment on the robot. Doubles only, so that it is written as one row."""
 
 MOMENT = np.dtype([("tick", "u8"), ("snapshot", SNAPSHOT)])
 """A snapshot after as many ticks of the recording's count."""
@@ -51,7 +31,6 @@ MOMENT_SLOTS = 1024
 EVENT_SLOTS = 1024
 KEYFRAME_SLOTS = 16
 
-_UNKNOWN = np.full(3, np.nan)
 _SNAPSHOT_AT = 8  # in MOMENT
 _ACTIVE, _STOP, _FIRST, _SIZE, _MISSED = range(5)  # words of the header
 _NAME = slice(64, 128)  # of the header
@@ -90,12 +69,8 @@ class Tap:
             rings.append(Ring(view[start : start + size], dtype, slots))
             start += _aligned(size)
         self.ticks, self.moments, self.events, self.keyframes = rings
-        self._row = np.zeros(TICK.itemsize // 8)
-        self._times, self._further = np.zeros(2), np.zeros(2)
-        self._no_forces = [_UNKNOWN] * MOST_ESTIMATORS
-        self._moment, self._event, self._keyframe = np.zeros(1, MOMENT), np.zeros(1, EVENT), np.zeros(1, KEYFRAME)
-        self._row_bytes = bytes_of(self._row)
-        self._moment_bytes, self._event_bytes, self._keyframe_bytes = map(bytes_of, (self._moment, self._event, self._keyframe))
+        self._tick, self._event, self._keyframe = TickRow(), np.zeros(1, EVENT), np.zeros(1, KEYFRAME)
+        self._event_bytes, self._keyframe_bytes = map(bytes_of, (self._event, self._keyframe))
 
     @property
     def active(self) -> bool:
@@ -155,42 +130,11 @@ class Tap:
 
     def put_tick(self, session: Any) -> None:
         """Append the last tick of a session (sim.runtime.session.Session)."""
-        output, sensor, command, pipeline = session.output, session.sensor, session.command, session.pipeline
-        estimates, names = output.estimates, pipeline.estimator_names
-        forces = [estimates[name].force_estimated_n if name in estimates else _UNKNOWN for name in names]
-        chosen = estimates.get(pipeline.estimator_name)
-        times, further = self._times, self._further
-        times[0], times[1] = session.time_s, sensor.time_s
-        further[0], further[1] = command.guidance, session.command_age_s
-        row = (
-            times,
-            sensor.orientation_wxyz,
-            sensor.angular_velocity,
-            sensor.linear_acceleration,
-            sensor.joint_position,
-            sensor.joint_velocity,
-            sensor.joint_torque,
-            command.mask,
-            command.force_n,
-            command.position_m,
-            command.orientation_wxyz,
-            command.base_velocity,
-            further,
-            output.applied_command.mask,
-            *forces,
-            *self._no_forces[len(forces) :],
-            _UNKNOWN if chosen is None or chosen.sigma_n is None else chosen.sigma_n,
-            output.joint_command.position,
-            output.joint_command.velocity,
-        )
-        np.concatenate(row, out=self._row)
-        self.ticks.put(self._row_bytes)
+        self.ticks.put(self._tick.write(session))
 
     def put_moment(self, snapshot: np.void) -> None:
         """Append a SNAPSHOT record of the last tick."""
-        self._moment["tick"] = self.count
-        self._moment_bytes[_SNAPSHOT_AT:] = np.frombuffer(snapshot, np.uint8).data  # in one go, not field by field
-        self.moments.put(self._moment_bytes)
+        self.moments.put(self.count.to_bytes(_SNAPSHOT_AT, sys.byteorder) + snapshot.tobytes())  # not field by field
 
     def put_event(self, name: str, arguments: dict[str, Any]) -> None:
         """Append something done before the next tick."""

@@ -8,6 +8,7 @@ A task at work cannot be kept, for its program cannot be set back: it is begun a
 what lies farther on in it can be shown only.
 """
 
+from array import array
 from collections import deque
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -58,10 +59,11 @@ class History:
         self._session = session
         # Written to, so that all of their memory is there: it grows no more, and no tick waits for a page of it.
         self._setpoints = np.full(_WINDOW + HALF_SECOND, np.zeros((), SETPOINT))
-        self._ages_s = np.full(len(self._setpoints), 0.0)
+        self._ages_s = array("d", bytes(8 * len(self._setpoints)))
         self._snapshots = np.full(len(self._setpoints) // _SHOWN_EVERY, np.zeros((), SNAPSHOT))
-        self._snapshot_bytes = self._snapshots.view(np.uint8).reshape(len(self._snapshots), -1)
+        self._setpoint_bytes, self._snapshot_bytes = self._setpoints.view(np.uint8).data, self._snapshots.view(np.uint8).data
         self._snapshot_ticks = np.full(len(self._snapshots), -1)
+        self._snapshot_tick = self._snapshot_ticks.data  # to be read and set one by one
         self._kept: deque[_Kept] = deque()
         self._deeds: deque[_Deed] = deque()
         self._last = 0
@@ -117,7 +119,8 @@ class History:
         self._last = round(self._session.time_s / TICK_S)
         slot = self._last % len(self._ages_s)
         self._ages_s[slot] = age_s
-        self._setpoints[slot] = setpoint
+        start = slot * SETPOINT.itemsize
+        self._setpoint_bytes[start : start + SETPOINT.itemsize] = setpoint.tobytes()  # in one go, not field by field
         self._shown = None
         if not self._kept or self._last - self._kept[-1].tick >= HALF_SECOND:
             self._keep()
@@ -125,9 +128,10 @@ class History:
     def published(self, snapshot: np.void) -> None:
         """A SNAPSHOT record of the newest tick."""
         index = self._last // _SHOWN_EVERY % len(self._snapshots)
-        if self._kept and self._snapshot_ticks[index] // _SHOWN_EVERY != self._last // _SHOWN_EVERY:
-            self._snapshot_bytes[index] = np.frombuffer(snapshot, np.uint8)  # in one go, not field by field
-            self._snapshot_ticks[index] = self._last
+        if self._kept and self._snapshot_tick[index] // _SHOWN_EVERY != self._last // _SHOWN_EVERY:
+            start = index * SNAPSHOT.itemsize
+            self._snapshot_bytes[start : start + SNAPSHOT.itemsize] = snapshot.tobytes()
+            self._snapshot_tick[index] = self._last
 
     def show(self, time_s: float) -> None:
         """Show the last snapshot up to a moment; the newest moment is shown by the session itself.
@@ -176,7 +180,7 @@ class History:
                 deed = deeds.pop(0)
                 deed.call(**deed.arguments)
             slot = number % len(self._ages_s)
-            session.tick_setpoint(self._setpoints[slot], float(self._ages_s[slot]))
+            session.tick_setpoint(self._setpoints[slot], self._ages_s[slot])
             if number in published:  # some readings count from one to the next
                 session.readings()
         self._last = tick

@@ -13,7 +13,8 @@ from sim.recording.description import Description
 from sim.recording.reader import Recording
 from sim.recording.recorder import CHUNK_TICKS, Drain, RecordingWriter
 from sim.recording.ring import Ring, bytes_of
-from sim.recording.tap import TICK, TICK_SLOTS, Heads, Tap
+from sim.recording.tap import TICK_SLOTS, Heads, Tap
+from sim.recording.tick_row import TICK
 from sim.runtime.snapshot import SNAPSHOT
 
 DTYPE = np.dtype([("value", "f8"), ("odd", "u1")])
