@@ -4,6 +4,7 @@
 import os
 import sys
 
+from sim.processes.heap import return_freed_memory
 from sim.processes.standard_streams import protect_standard_streams
 from sim.processes.starting import Starting
 
@@ -22,6 +23,7 @@ def main() -> int:
         return record(sys.argv[2:])
     starting = Starting("Forcelens has stopped")
     protect_standard_streams()
+    return_freed_memory()
     from server.command_line import run
 
     return run(sys.argv[1:], starting)

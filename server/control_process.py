@@ -20,6 +20,7 @@ from server.messages import Fatal, Ready
 from server.pacing import Pacer
 from server.session_events import describe
 from sim.backends.protocol import Backend, BackendError
+from sim.processes.heap import return_freed_memory
 from sim.processes.realtime import request_realtime
 from sim.processes.resident_code import release_code
 from sim.processes.shared_record import SharedRecord
@@ -60,6 +61,7 @@ def control_process(
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})  # or the I/O process would never hear it
     protect_standard_streams()
+    return_freed_memory()
     configure(launch.log, "control process")
     try:
         session = _make_session(launch, pipe)

@@ -31,6 +31,7 @@ from sim.backends.hardware.robot import Robot
 from sim.backends.hardware.states import DriveState, Trip
 from sim.backends.protocol import BackendError
 from sim.backends.unitree.dds import DdsBaseLink
+from sim.processes.heap import return_freed_memory
 from sim.processes.realtime import request_realtime
 from sim.processes.standard_streams import protect_standard_streams
 
@@ -152,6 +153,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--config", type=HardwareConfig.from_json, default=HardwareConfig(), help="HardwareConfig as JSON")
     options = parser.parse_args(arguments)
     protect_standard_streams()
+    return_freed_memory()
     logging.basicConfig(level=logging.INFO, format="%(name)s: %(levelname)s: %(message)s")
     try:
         process = IoProcess(options.config)
