@@ -13,7 +13,7 @@ from server.operator import Operator
 from server.responses import json_response, refusals
 from sim.runtime.snapshot import Mode
 
-POLL_S = 0.002
+POLL_S = 0.001
 ROBOT_AFTER_S = 0.2
 """Without an answer of the control process for this long, that of a robot's I/O process counts."""
 
