@@ -10,8 +10,8 @@ import numpy as np
 from control.timing import SLOT_COUNT
 from sim.processes.anonymous_memory import AnonymousMemory
 from sim.recording.ring import Ring, bytes_of
-from sim.recording.tick_row import TICK, TickRow
 from sim.runtime.snapshot import SNAPSHOT
+from sim.runtime.tick_row import TICK, TickRow
 
 _log = logging.getLogger(__name__)
 

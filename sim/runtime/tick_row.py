@@ -1,4 +1,4 @@
-"""One tick of a recording as a row of doubles, and how it is written from a session."""
+"""One tick of a session as a row of doubles, and how it is written. Recordings hold it (sim.recording.tap)."""
 
 from typing import Any
 

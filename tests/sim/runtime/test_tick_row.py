@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from control.command.limits import DEFAULT_COMMAND
-from sim.recording.tick_row import TICK, TickRow
 from sim.runtime.simulation import Simulation, SimulationConfig
+from sim.runtime.tick_row import TICK, TickRow
 
 
 def test_a_row_written_tick_by_tick_is_one_written_afresh() -> None:
