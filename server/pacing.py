@@ -26,8 +26,8 @@ RATE_WINDOW_S = 1.0
 MINUTE_S = 60.0
 STATISTICS_EVERY = 250
 REST_AFTER_S = 0.005
-REST_SHARE = 0.2
-LONGEST_REST_S = 0.002
+REST_SHARE = 0.1
+LONGEST_REST_S = 0.001
 """A loop that cannot keep up rests after so much work, for a share of it. Linux stops a real-time process that works for 0.95
 of a second until that is over (`sched_rt_runtime_us`): 50 ms in which no e-stop acts. Others on its core wait until it rests.
 """
