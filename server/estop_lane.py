@@ -6,6 +6,7 @@ process ran, or while it hung, waits for it or for the next one.
 """
 
 import threading
+import time
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,13 @@ import numpy as np
 from sim.processes.anonymous_memory import AnonymousMemory
 
 _ASKED, _TAKEN = 0, 1
+HELD_S = 0.004
+"""Two turns of a control process that ticks."""
+
+HELD_SHARE = 0.1
+"""Of the time, at most: presses without end shall not keep everybody else out."""
+
+_LOOK_EVERY_S = 0.0002
 
 
 def allocate() -> AnonymousMemory:
@@ -30,6 +38,7 @@ class EstopLane:
     def __init__(self, memory: Any) -> None:
         self._counts = np.frombuffer(memory, np.uint64)
         self._lock = threading.Lock()
+        self._free_s = 0.0
 
     @property
     def asked(self) -> int:
@@ -54,3 +63,15 @@ class EstopLane:
     def taken(self, number: int) -> bool:
         """Whether the e-stop of that number was acted on and published."""
         return int(self._counts[_TAKEN]) >= number
+
+    def hold_until_taken(self, number: int) -> None:
+        """Hold the calling thread until the e-stop of that number was acted on, for at most HELD_S, and not too often.
+
+        An event loop does everybody else's work at each of its turns; whoever waits for the e-stop on it waits for a crowd.
+        """
+        now = time.monotonic()
+        if now < self._free_s:
+            return
+        self._free_s = now + HELD_S / HELD_SHARE
+        while not self.taken(number) and time.monotonic() < now + HELD_S:
+            time.sleep(_LOOK_EVERY_S)

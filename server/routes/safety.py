@@ -28,6 +28,7 @@ async def estop(operator: TheOperator) -> Response:
     """
     number = operator.estop()
     client, asked_s = operator.client, time.monotonic()
+    client.estops.hold_until_taken(number)
     while not client.estops.taken(number):
         waited_s = time.monotonic() - asked_s
         if waited_s > ROBOT_AFTER_S and operator.robot.stopped():
