@@ -20,7 +20,8 @@ class StanceConfig:
     """Attributes:
     gain: 1/s, of the distance between the centre of pressure and the middle of the wheels, beyond the dead band.
     dead_band_m: distance that is left alone; the wheels stand 0.17 m from their middle.
-    return_gain: 1/s, at which the wheels go back to their nominal place while the centre of pressure is off their middle.
+    return_gain: 1/s, at which the wheels go back to their place of rest, under the centre of mass on the plane on which they
+        stand, while the centre of pressure is off their middle.
     rest_return_gain: the same where it is in their middle. A base that comes back over wheels that stand moves the hand; 2 s
         after the last pull of whoever led it aside it shall be at rest.
     limit_m: farthest shift of the wheels from their nominal place, per axis. With 0.14 m a sudden pull of 40 N back and up
@@ -52,27 +53,40 @@ STANCE_STATE = record(shift=2, shift_velocity=2)
 def shifted_posture(
     stance: np.record, terms: np.record, ground_forces: np.ndarray, state: np.record, posture: np.ndarray
 ) -> None:
-    """Leg posture (12,), rad, after one period: the shift integrates k max(|c| - band, 0) sgn(c) - k_r shift, up to a lead.
+    """Leg posture (12,), rad, after one period: the shift integrates k max(|c| - band, 0) sgn(c) - k_r (shift - rest), up to a
+    lead.
+
+    A trunk parallel to a floor that rises by g per metre has its centre of mass h g down the slope; so the wheels rest at -h g.
 
     Args:
         ground_forces: (4, 3) N, that the balance asks of the wheels; their centre of pressure lies c off their middle.
     """
-    load, pressure, middle, reached = 0.0, np.zeros(2), np.zeros(2), -stance.middle
+    load, pressure, middle, reached = 0.0, np.zeros(2), np.zeros(3), -stance.middle
+    contacts = np.empty((4, 3))
     for wheel in range(4):
         contact = rotate_back(terms.rotation_heading_to_world, terms.contacts[wheel])
         in_base = rotate_back(terms.rotation_base_to_world, terms.contacts[wheel])
         load += ground_forces[wheel, 2]
+        for i in range(3):
+            contacts[wheel, i] = contact[i]
+            middle[i] += 0.25 * contact[i]
         for i in range(2):
             pressure[i] += ground_forces[wheel, 2] * contact[i]
-            middle[i] += 0.25 * contact[i]
             reached[i] += 0.25 * in_base[i]
+    height = terms.center_of_mass[2] - middle[2]
     for i in range(2):
+        rise, spread = 0.0, 0.0
+        for wheel in range(4):
+            arm = contacts[wheel, i] - middle[i]
+            rise += arm * (contacts[wheel, 2] - middle[2])
+            spread += arm * arm
+        rest = -height * rise / spread
         offset = pressure[i] / max(load, 1.0) - middle[i]
         excess = offset - clip(offset, -stance.dead_band_m, stance.dead_band_m)
         loaded = clip(abs(offset) / stance.dead_band_m, 0.0, 1.0)
         back = loaded * stance.return_gain + (1.0 - loaded) * stance.rest_return_gain
         last = state.shift[i]
-        velocity = clip(stance.gain * excess - back * last, -stance.speed_mps, stance.speed_mps)
+        velocity = clip(stance.gain * excess - back * (last - rest), -stance.speed_mps, stance.speed_mps)
         shift = clip(last + velocity * CONTROL_PERIOD_S, reached[i] - stance.lead_m, reached[i] + stance.lead_m)
         state.shift[i] = clip(shift, -stance.limit_m, stance.limit_m)
         state.shift_velocity[i] = (state.shift[i] - last) / CONTROL_PERIOD_S
