@@ -1,4 +1,6 @@
-"""Where the wheels stand under the trunk: they follow the centre of pressure, so a pulled robot leans against the pull."""
+"""Where the wheels stand under the trunk: they follow the centre of pressure, so a pulled robot leans against the pull, and
+the slope of the floor, so that the trunk stands level.
+"""
 
 from dataclasses import dataclass
 
@@ -10,7 +12,7 @@ from control.kernels.records import config_record, packed, record
 from control.kernels.small_algebra import clip, rotate_back
 from control.robot_model import RobotModel
 from control.timing import CONTROL_PERIOD_S
-from control.whole_body.body_terms import BODY_TERMS
+from control.whole_body.body_terms import BODY_TERMS, LEG_OF_JOINT
 
 _STEP_RAD = 1e-4
 
@@ -29,6 +31,8 @@ class StanceConfig:
     lead_m: farthest shift that is asked for beyond where the legs hold the wheels. They follow within 0.03 m; where something
         else moves them (a policy that imitates) the shift must not run away.
     speed_mps: fastest shift.
+    level_gain: 1/s, at which the legs follow the slope of the floor. Slower, a robot that is pulled on a slope leans farther.
+    level_limit: steepest slope, m/m, on which the trunk stands level.
     """
 
     gain: float = 5.0
@@ -38,15 +42,33 @@ class StanceConfig:
     limit_m: float = 0.2
     lead_m: float = 0.05
     speed_mps: float = 0.4
+    level_gain: float = 4.0
+    level_limit: float = 0.15
 
 
-STANCE = config_record(StanceConfig(), leg_rad_per_m=(12, 2), middle=2)
+STANCE = config_record(StanceConfig(), leg_rad_per_m=(12, 3), middle=2)
 """The numbers of StanceConfig, how the leg joints move per shift of the wheels under the trunk, and where the middle of the
 wheels lies without a shift, m, in base.
 """
 
-STANCE_STATE = record(shift=2, shift_velocity=2)
-"""Of the wheels from their nominal place, m and m/s, heading axes; zeros at the nominal stance."""
+STANCE_STATE = record(shift=2, shift_velocity=2, rise=2)
+"""Zeros at the nominal stance.
+
+Fields:
+    shift, shift_velocity: of the wheels from their nominal place, m and m/s, heading axes.
+    rise: of the floor that the legs are bent for, m/m along the heading axes.
+"""
+
+
+@kernel("f8(f8[:,::1], f8[:], i8)")
+def _slope(contacts: np.ndarray, middle: np.ndarray, axis: int) -> float:
+    """Rise along a heading axis, m/m, of the plane through the contacts (4, 3), whose middle (3,) is; all in heading, m."""
+    rise, spread = 0.0, 0.0
+    for wheel in range(4):
+        way = contacts[wheel, axis] - middle[axis]
+        rise += way * (contacts[wheel, 2] - middle[2])
+        spread += way * way
+    return rise / spread
 
 
 @kernel("void(Stance, Terms, matrix, State, f8[:])", Stance=STANCE, Terms=BODY_TERMS, State=STANCE_STATE)
@@ -56,7 +78,9 @@ def shifted_posture(
     """Leg posture (12,), rad, after one period: the shift integrates k max(|c| - band, 0) sgn(c) - k_r (shift - rest), up to a
     lead.
 
-    A trunk parallel to a floor that rises by g per metre has its centre of mass h g down the slope; so the wheels rest at -h g.
+    On a floor that rises by g per metre a wheel r ahead of the middle stands g r higher under a trunk that is level. Where that
+    is farther than the legs level, by g', the trunk leans with the floor and its centre of mass lies h (g - g') down the slope:
+    there the wheels rest.
 
     Args:
         ground_forces: (4, 3) N, that the balance asks of the wheels; their centre of pressure lies c off their middle.
@@ -75,12 +99,10 @@ def shifted_posture(
             reached[i] += 0.25 * in_base[i]
     height = terms.center_of_mass[2] - middle[2]
     for i in range(2):
-        rise, spread = 0.0, 0.0
-        for wheel in range(4):
-            arm = contacts[wheel, i] - middle[i]
-            rise += arm * (contacts[wheel, 2] - middle[2])
-            spread += arm * arm
-        rest = -height * rise / spread
+        slope = _slope(contacts, middle, i)
+        levelled = clip(slope, -stance.level_limit, stance.level_limit)
+        state.rise[i] += stance.level_gain * CONTROL_PERIOD_S * (levelled - state.rise[i])
+        rest = -height * (slope - state.rise[i])
         offset = pressure[i] / max(load, 1.0) - middle[i]
         excess = offset - clip(offset, -stance.dead_band_m, stance.dead_band_m)
         loaded = clip(abs(offset) / stance.dead_band_m, 0.0, 1.0)
@@ -91,16 +113,18 @@ def shifted_posture(
         state.shift[i] = clip(shift, -stance.limit_m, stance.limit_m)
         state.shift_velocity[i] = (state.shift[i] - last) / CONTROL_PERIOD_S
     for joint in range(12):
-        bent = stance.leg_rad_per_m[joint, 0] * state.shift[0] + stance.leg_rad_per_m[joint, 1] * state.shift[1]
+        wheel, rad_per_m = LEG_OF_JOINT[joint], stance.leg_rad_per_m[joint]
+        up = state.rise[0] * (contacts[wheel, 0] - middle[0]) + state.rise[1] * (contacts[wheel, 1] - middle[1])
+        bent = rad_per_m[0] * state.shift[0] + rad_per_m[1] * state.shift[1] + rad_per_m[2] * up
         posture[joint] = NOMINAL_POSITION[joint] + bent
 
 
 def stance_record(config: StanceConfig, model: RobotModel) -> np.ndarray:
     """STANCE (1,) with the legs' kinematics at the nominal posture, in which `model` is left."""
-    rad_per_m = np.linalg.inv(_contact_jacobians(model))[:, :, :2]
+    rad_per_m = np.linalg.inv(_contact_jacobians(model))
     model.update_configuration(np.eye(3), NOMINAL_POSITION)
     middle = model.wheel_contact_positions.mean(axis=0)[:2]
-    return packed(STANCE, config, leg_rad_per_m=rad_per_m.reshape(len(LEGS) * 3, 2), middle=middle)
+    return packed(STANCE, config, leg_rad_per_m=rad_per_m.reshape(len(LEGS) * 3, 3), middle=middle)
 
 
 def _contact_jacobians(model: RobotModel) -> np.ndarray:

@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
-from control.joints import LEG_SLICE, NOMINAL_POSITION
+from control.joints import LEG_SLICE, NOMINAL_BASE_HEIGHT_M, NOMINAL_POSITION
 from control.robot_model import RobotModel
 from control.whole_body.body_terms import BODY_TERMS
 from control.whole_body.stance import STANCE_STATE, StanceConfig, shifted_posture, stance_record
@@ -73,24 +74,32 @@ def test_the_stance_comes_back_before_the_hand_that_was_let_go_shall_rest(model)
         assert state["shift"][0, 1] == pytest.approx(0.03 * np.exp(-gain), rel=0.02)
 
 
-@pytest.mark.parametrize("rise", [(0.09, 0.0), (0.0, -0.09), (-0.05, 0.05)])
-def test_on_a_slope_the_wheels_rest_under_the_centre_of_mass(model, rise):
-    """A trunk parallel to a floor that rises has its weight down the slope."""
+def on_floor(model, joints, rise):
+    """Rotation (3, 3) of a base whose wheels stand on a floor with this rise along x and y."""
+    model.update_configuration(np.eye(3), joints)
+    *_, normal = np.linalg.svd(model.wheel_contact_positions - model.wheel_contact_positions.mean(axis=0))[2]
+    normal *= np.sign(normal[2])
+    up = np.array([-rise[0], -rise[1], 1.0]) / np.linalg.norm([*rise, 1.0])
+    axis = np.cross(normal, up)
+    return Rotation.from_rotvec(axis * np.arcsin(np.linalg.norm(axis)) / max(np.linalg.norm(axis), 1e-12)).as_matrix()
+
+
+@pytest.mark.parametrize("rise", [(0.09, 0.0), (0.0, -0.09), (-0.05, 0.05), (0.0, 0.0), (0.25, 0.0), (0.1, -0.25)])
+def test_on_a_slope_the_trunk_stands_level_and_the_wheels_under_the_centre_of_mass(model, rise):
+    """Farther than the legs level, the trunk leans with the floor and has its weight down the slope."""
     config = StanceConfig()
     stance, state = stance_record(config, model), np.zeros(1, STANCE_STATE)
-    terms, forces = np.zeros(1, BODY_TERMS), np.zeros((4, 3))
-    base_to_heading = np.linalg.qr(np.column_stack(([1.0, 0.0, rise[0]], [0.0, 1.0, rise[1]], [-rise[0], -rise[1], 1.0])))[0]
-    base_to_heading *= np.sign(np.diag(base_to_heading))
-    terms["rotation_heading_to_world"], terms["rotation_base_to_world"] = np.eye(3), base_to_heading
-    forces[:, 2], posture, joints = 60.0, np.empty(12), NOMINAL_POSITION.copy()
-    model.update_configuration(base_to_heading, joints)
-    height = 0.35
-    terms["center_of_mass"] = (model.wheel_contact_positions.mean(axis=0) + height * base_to_heading[:, 2])[None]
+    terms, forces, posture = np.zeros(1, BODY_TERMS), np.zeros((4, 3)), np.empty(12)
+    terms["rotation_heading_to_world"] = np.eye(3)
+    forces[:, 2], joints, height = 60.0, NOMINAL_POSITION.copy(), 0.35
     for _ in range(600):
+        base_to_heading = on_floor(model, joints, rise)
         model.update_configuration(base_to_heading, joints)
-        terms["contacts"] = model.wheel_contact_positions
+        contacts = model.wheel_contact_positions
+        center = base_to_heading @ [*stance["middle"][0], height - NOMINAL_BASE_HEIGHT_M]
+        terms["rotation_base_to_world"], terms["contacts"], terms["center_of_mass"] = base_to_heading, contacts, center
         shifted_posture(stance[0], terms[0], forces, state[0], posture)
         joints[LEG_SLICE] = posture
-    model.update_configuration(base_to_heading, joints)
-    off = terms["center_of_mass"][0] - model.wheel_contact_positions.mean(axis=0)
-    assert np.abs(off[:2]).max() < 0.2 * height * np.linalg.norm(rise)
+    lean = np.arctan(np.maximum(np.abs(rise) - config.level_limit, 0.0))
+    assert np.degrees(np.arccos(base_to_heading[2, 2])) == pytest.approx(np.degrees(np.linalg.norm(lean)), abs=1.0)
+    assert np.abs(center - contacts.mean(axis=0))[:2].max() < 0.012
