@@ -5,12 +5,16 @@ import os
 import socket
 import sys
 from collections.abc import Sequence
+from contextlib import closing
 from pathlib import Path
-from typing import TextIO
+from typing import TYPE_CHECKING, TextIO
 
 from server.logs import LEVELS, LogConfig
 from sim.arguments import ARM_PORT, DDS_DOMAIN, TCP_PORT, from_environment
 from sim.processes.starting import Starting
+
+if TYPE_CHECKING:
+    from server.control_spawner import ControlSpawner
 
 
 def parser() -> argparse.ArgumentParser:
@@ -59,14 +63,18 @@ def run(words: Sequence[str], starting: Starting) -> int:
 
     try:
         with listen(arguments.host, arguments.port) as listener:
-            return _serve(arguments, listener, starting)
+            # What takes long to import is not needed to print a help text.
+            _compile(listener)
+            from server.control_spawner import ControlSpawner
+
+            with closing(ControlSpawner()) as spawner:
+                spawner.spawn_ahead()
+                return _serve(arguments, listener, spawner, starting)
     except PortInUseError as error:
         return _refuse(error)
 
 
-def _serve(arguments: argparse.Namespace, listener: socket.socket, starting: Starting) -> int:
-    # What takes long to import is not needed to print a help text.
-    _compile(listener)
+def _serve(arguments: argparse.Namespace, listener: socket.socket, spawner: "ControlSpawner", starting: Starting) -> int:
     _load_no_machine_code()
     from control.pipeline import PipelineConfig
     from server.backend_choice import with_options
@@ -102,7 +110,7 @@ def _serve(arguments: argparse.Namespace, listener: socket.socket, starting: Sta
                 {name: getattr(arguments, name) for name in ("domain", "interface", "arm_host", "arm_port", "allow_robot")},
             ),
         )
-        serve(config, listener, announce)
+        serve(config, listener, spawner, announce)
     except (ConfigError, ServerError) as error:
         return _refuse(error)
     except KeyboardInterrupt:

@@ -1,7 +1,5 @@
 """The web process's handle on the control process: start, events, snapshots, set-points, e-stop, health, restart."""
 
-import multiprocessing
-import os
 import threading
 import time
 from concurrent.futures import Future
@@ -11,16 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from server import estop_lane
-from server.control_process import ControlLaunch, control_process
+from server.control_process import ControlLaunch
+from server.control_spawner import ControlSpawner
 from server.errors import ControlDeadError, ControlTimeoutError
 from server.estop_lane import EstopLane
 from server.event_channel import EventChannel, dead
 from server.setpoint import default_setpoint
-from sim.processes import shared_record
 from sim.processes.shared_record import SharedRecord
-from sim.processes.starting import deaf_children
-from sim.recording import tap
 from sim.runtime.snapshot import SETPOINT, SNAPSHOT
 
 START_TIMEOUT_S = 300.0
@@ -42,21 +37,17 @@ class ControlClient:
 
     Args:
         launch: what the first process is started with.
+        spawner: may have spawned it already; by default one of its own.
     """
 
-    def __init__(self, launch: ControlLaunch) -> None:
+    def __init__(self, launch: ControlLaunch, spawner: ControlSpawner | None = None) -> None:
         self._launch = launch
-        self._context = multiprocessing.get_context("spawn")
-        self._memories = (
-            shared_record.allocate(SNAPSHOT),
-            shared_record.allocate(SETPOINT),
-            estop_lane.allocate(),
-            tap.allocate(),
-        )
-        self._state = SharedRecord(self._memories[0], SNAPSHOT)
-        self._setpoints = SharedRecord(self._memories[1], SETPOINT)
-        self.estops = EstopLane(self._memories[2])
-        self.tap_memory = self._memories[3]
+        self._spawner = ControlSpawner() if spawner is None else spawner
+        memories = self._spawner.memories
+        self._state = SharedRecord(memories.state, SNAPSHOT)
+        self._setpoints = SharedRecord(memories.setpoint, SETPOINT)
+        self.estops = EstopLane(memories.estops)
+        self.tap_memory = memories.tap
         self._setpoint = default_setpoint()
         self._setpoint_lock = threading.Lock()
         self._restart_lock = threading.Lock()
@@ -97,18 +88,9 @@ class ControlClient:
             raise dead(death)
 
     def start(self) -> None:
-        """Spawn the control process without waiting for it; `wait_ready` does."""
-        # Read by BLAS and OpenMP when the child imports numpy: their threads would fight for the loop's core.
-        for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-            os.environ[name] = "1"
-        ours, theirs = self._context.Pipe()
-        self._process = self._context.Process(
-            target=control_process, args=(self._launch, *self._memories, theirs), name="forcelens-control", daemon=True
-        )
-        with deaf_children():
-            self._process.start()
-        theirs.close()  # so that the child's end is the only one and its death ends the channel
-        self._channel = EventChannel(self._process, ours)
+        """Launch the control process without waiting for it; `wait_ready` does."""
+        self._process, pipe = self._spawner.launch(self._launch)
+        self._channel = EventChannel(self._process, pipe)
 
     def wait_ready(self, timeout_s: float = START_TIMEOUT_S) -> dict[str, Any]:
         """What the session offers, once it ticks.

@@ -10,10 +10,10 @@ import sys
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection
-from typing import Any
 
 from control.timing import TICK_S
 from server.control_loop import ControlLoop
+from server.control_memories import ControlMemories
 from server.estop_lane import EstopLane
 from server.logs import LogConfig, configure
 from server.messages import Fatal, Ready
@@ -54,9 +54,7 @@ class ControlLaunch:
     log: LogConfig = field(default_factory=LogConfig)
 
 
-def control_process(
-    launch: ControlLaunch, state_memory: Any, setpoint_memory: Any, estop_memory: Any, tap_memory: Any, pipe: Connection
-) -> None:
+def control_process(launch: ControlLaunch, memories: ControlMemories, pipe: Connection) -> None:
     """Run until closed. Errors that end it go through the pipe before it dies with them."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})  # or the I/O process would never hear it
@@ -70,14 +68,14 @@ def control_process(
         pipe.send(Ready(describe(session)))
         loop = ControlLoop(
             session,
-            SharedRecord(state_memory, SNAPSHOT),
-            SharedRecord(setpoint_memory, SETPOINT),
-            EstopLane(estop_memory),
+            SharedRecord(memories.state, SNAPSHOT),
+            SharedRecord(memories.setpoint, SETPOINT),
+            EstopLane(memories.estops),
             pipe,
             Pacer(TICK_S),
             paused=launch.paused,
             realtime=request_realtime(FIFO_PRIORITY),
-            tap=Tap(tap_memory),
+            tap=Tap(memories.tap),
         )
         gc.collect()
         gc.freeze()

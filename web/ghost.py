@@ -1,22 +1,13 @@
 """A pale robot that shows the other future of a simulation that was set back."""
 
-from functools import cache
-
 import numpy as np
-import trimesh
 import viser
 
 from web import theme
 from web.other_future import OtherFuture
-from web.scene import VISUALS, BodyTree
+from web.scene import BodyTree
 
 OPACITY = 0.3
-
-
-@cache
-def _mesh(body: str) -> trimesh.Trimesh | None:
-    path = VISUALS / f"{body}.glb"
-    return trimesh.load_scene(path).to_mesh() if path.is_file() else None
 
 
 class Ghost:
@@ -49,11 +40,13 @@ class Ghost:
         return self._root is not None and self._root.visible
 
     def _make(self) -> viser.FrameHandle:
+        from web.meshes import body_mesh  # half a second, for which a start has no time
+
         scene, tree = self._server.scene, self._tree
         root = scene.add_frame("/ghost", show_axes=False)
         for name, path, position, wxyz in zip(tree.names, tree.paths, tree.positions, tree.rest_wxyz, strict=True):
             self._nodes.append(scene.add_frame(f"/ghost{path}", show_axes=False, position=position, wxyz=wxyz))
-            mesh = _mesh(name)
+            mesh = body_mesh(name)
             if mesh is not None:
                 scene.add_mesh_simple(
                     f"/ghost{path}/mesh",

@@ -2,7 +2,6 @@
 
 import mujoco
 import numpy as np
-import trimesh
 import viser
 
 from sim.runtime.snapshot import named
@@ -52,6 +51,8 @@ class SceneObjects:
         self._movable = [self.bodies[body] for body in scene.movable_bodies]
 
     def _add(self, path: str, primitive: Primitive) -> None:
+        from web.meshes import primitive_mesh  # half a second, for which a start has no time
+
         mesh = primitive_mesh(primitive)
         color = tuple(round(255 * channel) for channel in primitive.rgba[:3])
         opacity = None if primitive.rgba[3] >= 1.0 else float(primitive.rgba[3])
@@ -65,24 +66,3 @@ class SceneObjects:
             position=primitive.position,
             wxyz=primitive.orientation_wxyz,
         )
-
-
-def primitive_mesh(primitive: Primitive) -> trimesh.Trimesh:
-    """Triangles of a primitive in its own frame, m.
-
-    Raises:
-        ValueError: a kind of geom that has no finite surface.
-    """
-    a, b, _ = primitive.size
-    match primitive.kind:
-        case "box":
-            return trimesh.creation.box(extents=2.0 * primitive.size)
-        case "sphere":
-            return trimesh.creation.icosphere(subdivisions=3, radius=a)
-        case "cylinder":
-            return trimesh.creation.cylinder(radius=a, height=2.0 * b, sections=48)
-        case "capsule":
-            return trimesh.creation.capsule(radius=a, height=2.0 * b, count=(24, 24))
-        case "ellipsoid":
-            return trimesh.creation.icosphere(subdivisions=3).apply_scale(primitive.size)
-    raise ValueError(f"geom {primitive.name!r} is a {primitive.kind}, which cannot be drawn as an object of a scene")

@@ -78,7 +78,6 @@ def kernel(*signatures: str, **records: np.dtype) -> Callable[[_Function], _Func
     Raises:
         KernelError: the function reads what is neither a constant nor a kernel.
     """
-    names = _NAMES | {name: numba.from_dtype(layout) for name, layout in records.items()}
 
     def decorate(function: _Function) -> _Function:
         if config.DISABLE_JIT:
@@ -87,6 +86,7 @@ def kernel(*signatures: str, **records: np.dtype) -> Callable[[_Function], _Func
         for part in _parts(function):
             digest.update(part)
         _digests[function] = digest.hexdigest()[:32]
+        names = _NAMES | {name: numba.from_dtype(layout) for name, layout in records.items()}
         types = [eval(signature, {}, names) for signature in signatures]
         with _folders_of_their_own():
             compiled: Any = numba.njit(types, cache=CACHE is not None, error_model="numpy")(function)

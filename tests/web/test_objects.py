@@ -6,7 +6,8 @@ import trimesh
 import viser
 
 from sim.scenes import SCENE_NAMES, Primitive, build
-from web.objects import SceneObjects, primitive_mesh
+from web.meshes import primitive_mesh
+from web.objects import SceneObjects
 
 KINDS = {
     "box": ([0.1, 0.2, 0.3], [0.2, 0.4, 0.6]),

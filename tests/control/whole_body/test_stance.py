@@ -92,6 +92,7 @@ def test_on_a_slope_the_trunk_stands_level_and_the_wheels_under_the_centre_of_ma
     terms, forces, posture = np.zeros(1, BODY_TERMS), np.zeros((4, 3)), np.empty(12)
     terms["rotation_heading_to_world"] = np.eye(3)
     forces[:, 2], joints, height = 60.0, NOMINAL_POSITION.copy(), 0.35
+    base_to_heading, center, contacts = np.eye(3), np.zeros(3), np.zeros((4, 3))
     for _ in range(600):
         base_to_heading = on_floor(model, joints, rise)
         model.update_configuration(base_to_heading, joints)
