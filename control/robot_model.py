@@ -220,6 +220,16 @@ class RobotModel:
         self._load = mass_kg, np.array(center_of_mass_m, dtype=float)
         self._put_load()
 
+    @property
+    def load_mass(self) -> float:
+        """kg, of the load that is carried."""
+        return self._load[0]
+
+    @property
+    def load_center(self) -> np.ndarray:
+        """(3,) m, of the load, from the end effector, world-aligned."""
+        return self.end_effector_rotation @ self._load[1]
+
     def unpack_state(self) -> None:
         """Hang the load on again. The next update must not think that it was made already."""
         self._put_load()

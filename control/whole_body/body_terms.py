@@ -28,7 +28,8 @@ Fields:
     hand_jacobian: linear (3 rows), then angular, of the arm's joints (columns).
     contact_jacobian: by joint of legs and wheels, of the contact point of its own leg.
     gravity_torque: N m, that holds each joint against gravity.
-    arm_inertia: kg m^2, mass matrix of the arm's joints.
+    arm_inertia: kg m^2, mass matrix of the arm's joints without a load: rate feedback that grows with a tool that was told
+        but is not there shakes the arm, and the robot falls.
     arm_mass, rest_mass: kg, of the arm and of the rest of the robot.
 """
 
@@ -39,7 +40,22 @@ _FIRST_ARM_JOINT = 16
 _HAND_ROW = 12
 
 
-@kernel("void(f8[:,::1], vector, matrix, matrix, f8[::1,:], vector, i8[:], f8, f8, Terms[::1])", Terms=BODY_TERMS)
+@kernel("void(f8, vector, f8[:,:], f8[:,:])")
+def _without_load(mass: float, center: np.ndarray, hand_jacobian: np.ndarray, inertia: np.ndarray) -> None:
+    """Take m J^T J of a point mass off a mass matrix (6, 6), J = J_v - [c]x J_w the linear Jacobian of its centre c."""
+    linear = np.empty((3, 6))
+    for joint in range(6):
+        for i in range(3):
+            j, k = (i + 1) % 3, (i + 2) % 3
+            turned = hand_jacobian[3 + j, joint] * center[k] - hand_jacobian[3 + k, joint] * center[j]
+            linear[i, joint] = hand_jacobian[i, joint] + turned
+    for row in range(6):
+        for column in range(6):
+            for i in range(3):
+                inertia[row, column] -= mass * linear[i, row] * linear[i, column]
+
+
+@kernel("void(f8[:,::1], vector, matrix, matrix, f8[::1,:], vector, i8[:], f8, f8, f8, vector, Terms[::1])", Terms=BODY_TERMS)
 def _fill(
     rotation_base_to_world: np.ndarray,
     hand: np.ndarray,
@@ -50,6 +66,8 @@ def _fill(
     joint_rows: np.ndarray,
     arm_mass: float,
     total_mass: float,
+    load_mass: float,
+    load_center: np.ndarray,
     out: np.ndarray,
 ) -> None:
     """Pick the terms (1,) of one robot out of the model's; shapes and units as in RobotModel and BODY_TERMS.
@@ -57,6 +75,7 @@ def _fill(
     Args:
         joint_rows: (22,) generalized row of each joint.
         arm_mass, total_mass: kg.
+        load_mass, load_center: kg, and m from the hand, world-aligned.
     """
     terms = out[0]
     terms.arm_mass, terms.rest_mass = arm_mass, total_mass - arm_mass
@@ -78,6 +97,8 @@ def _fill(
         for j in range(6):
             terms.hand_jacobian[j, i] = wrench_jacobian[_HAND_ROW + j, row]
             terms.arm_inertia[i, j] = mass_matrix[row, joint_rows[_FIRST_ARM_JOINT + j]]
+    if load_mass > 0.0:
+        _without_load(load_mass, load_center, terms.hand_jacobian, terms.arm_inertia)
 
 
 def body_terms(model: RobotModel) -> np.ndarray:
@@ -93,6 +114,8 @@ def body_terms(model: RobotModel) -> np.ndarray:
         model.joint_rows,
         model.arm_mass,
         model.total_mass,
+        model.load_mass,
+        model.load_center,
         terms,
     )
     return terms

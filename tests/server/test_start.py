@@ -162,6 +162,18 @@ def test_a_log_that_cannot_be_written_ends_nothing() -> None:
 
 
 @linux
+def test_a_command_that_is_refused_leaves_no_process_behind(tmp_path: Path) -> None:
+    process = start("--no-browser", "--port", "0", "--token-file", str(tmp_path / "missing"))
+    seen: set[int] = set()
+    while process.poll() is None:
+        seen |= processes(process.pid)
+        time.sleep(0.005)
+    assert process.communicate()[1].count("\n") == 1 and process.returncode == 2
+    assert len(seen) > 1, "the control process is spawned ahead"
+    eventually(lambda: not any(map(runs, seen)))
+
+
+@linux
 def test_without_a_folder_for_temporary_files_it_starts(tmp_path: Path) -> None:
     (tmp_path / "sitecustomize.py").write_text(NO_TEMPORARY_FOLDERS)
     path = os.pathsep.join([str(tmp_path), *filter(None, [os.environ.get("PYTHONPATH")])])

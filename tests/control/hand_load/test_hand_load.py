@@ -4,11 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from control.command.limits import DEFAULT_COMMAND
 from control.hand_load.tool import Tool, ToolError
 from control.joints import JOINT_COUNT, NOMINAL_POSITION
 from control.robot_model import GRAVITY_MPS2, RobotModel
+from control.whole_body.body_terms import body_terms
 from sim.runtime.session import SessionError
 from sim.runtime.simulation import Simulation, SimulationConfig
 
@@ -107,3 +109,32 @@ def test_a_weight_that_nobody_has_told_of_is_not_tared() -> None:
         session.tick(DEFAULT_COMMAND)
     with pytest.raises(SessionError, match=r"more than a bias|varies"):
         session.tare()
+
+
+def test_rate_feedback_does_not_grow_with_a_tool_that_may_not_be_there() -> None:
+    model, rng = RobotModel(), np.random.default_rng(3)
+    for _ in range(5):
+        rotation = Rotation.from_rotvec(0.2 * rng.normal(size=3)).as_matrix()
+        state = rotation, NOMINAL_POSITION + 0.3 * rng.normal(size=JOINT_COUNT), np.zeros(3), np.zeros(3), np.zeros(JOINT_COUNT)
+        model.carry(0.0, np.zeros(3))
+        model.update(*state)
+        bare = body_terms(model)["arm_inertia"]
+        model.carry(3.0, rng.uniform(-0.3, 0.3, 3))
+        model.update(*state)
+        np.testing.assert_allclose(body_terms(model)["arm_inertia"], bare, atol=1e-9)
+
+
+@pytest.mark.slow
+def test_a_heavy_tool_that_is_not_there_does_not_fell_the_robot() -> None:
+    session = Simulation(SimulationConfig(seed=8))
+    session.set_tool(3.0, [0.3, 0.0, 0.0])
+    commands = (
+        replace(DEFAULT_COMMAND, base_velocity=np.array([-0.2, 0.0, 0.0])),
+        replace(DEFAULT_COMMAND, mask=np.array([0.0, 1.0, 1.0]), force_n=np.array([0.0, 2.0, 17.0])),
+        replace(DEFAULT_COMMAND, mask=np.array([1.0, 0.0, 1.0]), force_n=np.array([-12.0, 0.0, 0.0])),
+    )
+    for command in commands:
+        for _ in range(500):
+            session.tick(command)
+            _, x, y, _ = session.truth().base_orientation_wxyz
+            assert 1.0 - 2.0 * (x * x + y * y) > 0.5
