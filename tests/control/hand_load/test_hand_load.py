@@ -126,15 +126,12 @@ def test_rate_feedback_does_not_grow_with_a_tool_that_may_not_be_there() -> None
 
 @pytest.mark.slow
 def test_a_heavy_tool_that_is_not_there_does_not_fell_the_robot() -> None:
-    session = Simulation(SimulationConfig(seed=8))
-    session.set_tool(3.0, [0.3, 0.0, 0.0])
-    commands = (
-        replace(DEFAULT_COMMAND, base_velocity=np.array([-0.2, 0.0, 0.0])),
-        replace(DEFAULT_COMMAND, mask=np.array([0.0, 1.0, 1.0]), force_n=np.array([0.0, 2.0, 17.0])),
-        replace(DEFAULT_COMMAND, mask=np.array([1.0, 0.0, 1.0]), force_n=np.array([-12.0, 0.0, 0.0])),
-    )
-    for command in commands:
-        for _ in range(500):
-            session.tick(command)
-            _, x, y, _ = session.truth().base_orientation_wxyz
-            assert 1.0 - 2.0 * (x * x + y * y) > 0.5
+    session, rng = Simulation(SimulationConfig(seed=8)), np.random.default_rng(7)
+    session.set_tool(2.0, [0.3, 0.3, 0.3])
+    for _ in range(15):
+        ahead = np.array([rng.uniform(-0.4, 0.4), 0.0, 0.0])
+        mask, force = rng.integers(0, 2, 3).astype(float), rng.uniform(-20.0, 20.0, 3)
+        for _ in range(100):
+            session.tick(replace(DEFAULT_COMMAND, mask=mask, force_n=force, base_velocity=ahead))
+        _, x, y, _ = session.truth().base_orientation_wxyz
+        assert 1.0 - 2.0 * (x * x + y * y) > np.cos(np.radians(20.0))
