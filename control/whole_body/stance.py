@@ -32,7 +32,9 @@ class StanceConfig:
         else moves them (a policy that imitates) the shift must not run away.
     speed_mps: fastest shift.
     level_gain: 1/s, at which the legs follow the slope of the floor. Slower, a robot that is pulled on a slope leans farther.
-    level_limit: steepest slope, m/m, on which the trunk stands level.
+    level_dead_band: slope, m/m, that is left alone. A wheel that hangs 1 cm above the floor looks like 0.015; a leg that is
+        bent for it would leave it there.
+    level_limit: steepest slope, m/m, that the legs are bent for.
     """
 
     gain: float = 5.0
@@ -43,6 +45,7 @@ class StanceConfig:
     lead_m: float = 0.05
     speed_mps: float = 0.4
     level_gain: float = 4.0
+    level_dead_band: float = 0.02
     level_limit: float = 0.15
 
 
@@ -100,7 +103,8 @@ def shifted_posture(
     height = terms.center_of_mass[2] - middle[2]
     for i in range(2):
         slope = _slope(contacts, middle, i)
-        levelled = clip(slope, -stance.level_limit, stance.level_limit)
+        steep = slope - clip(slope, -stance.level_dead_band, stance.level_dead_band)
+        levelled = clip(steep, -stance.level_limit, stance.level_limit)
         state.rise[i] += stance.level_gain * CONTROL_PERIOD_S * (levelled - state.rise[i])
         rest = -height * (slope - state.rise[i])
         offset = pressure[i] / max(load, 1.0) - middle[i]

@@ -101,6 +101,7 @@ def test_on_a_slope_the_trunk_stands_level_and_the_wheels_under_the_centre_of_ma
         terms["rotation_base_to_world"], terms["contacts"], terms["center_of_mass"] = base_to_heading, contacts, center
         shifted_posture(stance[0], terms[0], forces, state[0], posture)
         joints[LEG_SLICE] = posture
-    lean = np.arctan(np.maximum(np.abs(rise) - config.level_limit, 0.0))
+    levelled = np.clip(np.abs(rise) - config.level_dead_band, 0.0, config.level_limit)
+    lean = np.arctan(np.abs(rise) - levelled)
     assert np.degrees(np.arccos(base_to_heading[2, 2])) == pytest.approx(np.degrees(np.linalg.norm(lean)), abs=1.0)
     assert np.abs(center - contacts.mean(axis=0))[:2].max() < 0.012
