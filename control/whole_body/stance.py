@@ -27,24 +27,26 @@ class StanceConfig:
     rest_return_gain: the same where it is in their middle. A base that comes back over wheels that stand moves the hand; 2 s
         after the last pull of whoever led it aside it shall be at rest.
     limit_m: farthest shift of the wheels from their nominal place, per axis. With 0.14 m a sudden pull of 40 N back and up
-        lifts the front wheels of a light robot for good.
+        lifts the front wheels of a light robot for good, on a floor that rises by 5 degrees with 0.2 m.
     lead_m: farthest shift that is asked for beyond where the legs hold the wheels. They follow within 0.03 m; where something
         else moves them (a policy that imitates) the shift must not run away.
-    speed_mps: fastest shift.
-    level_gain: 1/s, at which the legs follow the slope of the floor. Slower, a robot that is pulled on a slope leans farther.
+    speed_mps: fastest shift ahead and aside. At 0.4 ahead the front wheels of a light robot lift before the shift has come far
+        enough; aside the wheels do not roll, and what the shift moves is the trunk.
+    level_gain: 1/s, at which the legs follow the slope of the floor. Faster, they follow what wheels that lift make of it: a
+        robot that a pull tips leans farther.
     level_dead_band: slope, m/m, that is left alone. A wheel that hangs 1 cm above the floor looks like 0.015; a leg that is
         bent for it would leave it there.
     level_limit: steepest slope, m/m, that the legs are bent for.
     """
 
-    gain: float = 5.0
+    gain: float = 8.0
     dead_band_m: float = 0.025
     return_gain: float = 0.2
     rest_return_gain: float = 0.8
-    limit_m: float = 0.2
+    limit_m: float = 0.25
     lead_m: float = 0.05
-    speed_mps: float = 0.4
-    level_gain: float = 4.0
+    speed_mps: tuple[float, float] = (0.6, 0.3)
+    level_gain: float = 1.5
     level_dead_band: float = 0.02
     level_limit: float = 0.15
 
@@ -112,7 +114,7 @@ def shifted_posture(
         loaded = clip(abs(offset) / stance.dead_band_m, 0.0, 1.0)
         back = loaded * stance.return_gain + (1.0 - loaded) * stance.rest_return_gain
         last = state.shift[i]
-        velocity = clip(stance.gain * excess - back * (last - rest), -stance.speed_mps, stance.speed_mps)
+        velocity = clip(stance.gain * excess - back * (last - rest), -stance.speed_mps[i], stance.speed_mps[i])
         shift = clip(last + velocity * CONTROL_PERIOD_S, reached[i] - stance.lead_m, reached[i] + stance.lead_m)
         state.shift[i] = clip(shift, -stance.limit_m, stance.limit_m)
         state.shift_velocity[i] = (state.shift[i] - last) / CONTROL_PERIOD_S
