@@ -18,8 +18,8 @@ from control.types import Command
 from sim.backends.simulation.wrenches import Spring
 from sim.runtime.simulation import Simulation, SimulationConfig
 
-UPSETTING_N = np.array([-60.0, 60.0, 60.0])
-"""Environment on hand: would push the robot back, to the left and up, half as much again as may be asked for on each axis."""
+UPSETTING_N = np.array([-80.0, 80.0, 80.0])
+"""Environment on hand: would push the robot back, to the left and up, twice what may be asked for on each axis."""
 ARM_LOWER, ARM_UPPER = [-0.8, 0.3, -2.0, -0.8, 0.0, 0.0], [0.8, 1.8, -0.5, 0.8, 0.0, 0.0]
 
 
