@@ -110,7 +110,7 @@ class RobotModel:
         arm = [self._model.getJointId(name) for name in ARM_JOINT_NAMES]
         self.arm_mass = float(sum(self._model.inertias[joint].mass for joint in arm))
         self._last_link, self._nominal_last_link = arm[-1], pin.Inertia(self._model.inertias[arm[-1]])
-        self._load = 0.0, np.zeros(3)
+        self._load = 0.0, np.zeros(3), np.zeros(3)
         self.position_lower = self._model.lowerPositionLimit[self._position_rows]
         self.position_upper = self._model.upperPositionLimit[self._position_rows]
         self.joint_damping = self._model.damping[self.joint_rows]
@@ -184,6 +184,8 @@ class RobotModel:
             self.momentum_drift,
             self.arm_gravity,
         )
+        if self.load_mass > 0.0:
+            self._hang_load()
 
     def update_configuration(self, rotation_base_to_world: np.ndarray, joint_position: np.ndarray) -> None:
         """Move only the kinematics (frames, Jacobians); cheap when the configuration is already this one.
@@ -207,17 +209,18 @@ class RobotModel:
             self.wrench_jacobian,
         )
 
-    def carry(self, mass_kg: float, center_of_mass_m: np.ndarray) -> None:
+    def carry(self, mass_kg: float, center_of_mass_m: np.ndarray, inert_lever: bool = True) -> None:
         """Add a load to the last link from the next update on, in place of the last one.
 
         Args:
             mass_kg: none or more.
             center_of_mass_m: (3,) in the end effector's frame.
+            inert_lever: its mass is inert where its centre is. Otherwise it weighs there, but is inert at the end effector.
         """
         added = mass_kg - self._load[0]
         self.arm_mass += added
         self.total_mass += added
-        self._load = mass_kg, np.array(center_of_mass_m, dtype=float)
+        self._load = mass_kg, np.array(center_of_mass_m, dtype=float), inert_lever * np.array(center_of_mass_m, dtype=float)
         self._put_load()
 
     @property
@@ -230,16 +233,28 @@ class RobotModel:
         """(3,) m, of the load, from the end effector, world-aligned."""
         return self.end_effector_rotation @ self._load[1]
 
+    @property
+    def load_lever(self) -> np.ndarray:
+        """(3,) m, of where the load is inert, from the end effector, world-aligned."""
+        return self.end_effector_rotation @ self._load[2]
+
     def unpack_state(self) -> None:
         """Hang the load on again. The next update must not think that it was made already."""
         self._put_load()
         self._configuration[3:] = math.nan
 
     def _put_load(self) -> None:
-        mass_kg, center_of_mass_m = self._load
         placement = self._model.frames[self._end_effector_frame].placement
-        load = placement.act(pin.Inertia(mass_kg, center_of_mass_m, np.zeros((3, 3))))
+        load = placement.act(pin.Inertia(self.load_mass, self._load[2], np.zeros((3, 3))))
         self._model.inertias[self._last_link] = self._nominal_last_link + load
+
+    def _hang_load(self) -> None:
+        """The load's weight, from where it is inert to its centre d away: g grows by J_w^T (d x m g e_z)."""
+        x, y, _ = GRAVITY_MPS2 * self.load_mass * (self.load_center - self.load_lever)
+        more = self.end_effector_jacobian[3:5].T @ np.array((y, -x))
+        self.gravity += more
+        self.arm_gravity += more
+        self.momentum_drift -= more
 
     @property
     def joint_configuration(self) -> np.ndarray:
@@ -271,7 +286,7 @@ class RobotModel:
         """(3,) m, world-aligned, from the base origin; needs `update`."""
         center = np.empty(3)
         mass_center(self.mass_matrix, self.rotation_base_to_world, self.total_mass, center)
-        return center
+        return center + self.load_mass / self.total_mass * (self.load_center - self.load_lever)
 
     def _frame_index(self, name: str, mjcf: Path) -> int:
         # A site may share its name with its body; both lie at the same place, and sites come last.
@@ -293,7 +308,7 @@ class RobotModel:
 
 @kernel("void(f8[::1,:], f8[:,::1], f8, f8[:])")
 def mass_center(mass_matrix: np.ndarray, rotation_base_to_world: np.ndarray, total_mass: float, center: np.ndarray) -> None:
-    """Centre of mass c (3,), m, world-aligned, from the base origin.
+    """Centre of mass c (3,), m, world-aligned, from the base origin, of all that is inert where it weighs.
 
     The mass matrix (28, 28) couples base translation and rotation through -m skew(c), c in base.
     """

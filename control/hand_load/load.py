@@ -19,6 +19,10 @@ WEIGHED_N, FELT_SHARE = 5.0, 0.3
 """A change of the tool's weight by so much shows in what the hand reads; less than this share of it was not there."""
 
 
+WEIGHING_S = 1.5
+"""What the hand reads is averaged over so long to tell whether a tool hangs there: longer than a touch."""
+
+
 @dataclass(frozen=True, slots=True)
 class HandLoadState:
     """Attributes:
@@ -37,12 +41,13 @@ class HandLoadState:
 class HandLoad:
     """Tool and tare of one robot. The tool stays when the pipeline is reset, the tare does not."""
 
-    STATE = ("_tool", "_tare", "_motion", "_asked", "_message")
+    STATE = ("_tool", "_weighed", "_weighing_s", "_read_n", "_tare", "_motion", "_asked", "_message")
 
     def __init__(self, config: IdentificationConfig, model: RobotModel, observed: AdaptiveEstimator | None) -> None:
         """`observed`: whose residual shows what the model lacks, and whose masses begin anew with another tool, if it runs."""
         self._config, self._model, self._observed = config, model, observed
-        self._tool = Tool()
+        self._tool, self._weighed = Tool(), True
+        self._weighing_s, self._read_n = 0.0, 0.0
         self._tare = Tare()
         self._motion: ToolIdentification | None = None
         self._asked: Command | None = None
@@ -57,6 +62,7 @@ class HandLoad:
         """Forget the tare and end the motion."""
         self._tare.clear()
         self._motion = None
+        self._weighing_s = 0.0
 
     def offset(self, estimator: str) -> np.ndarray:
         """(3,) N, in heading, that belongs to no contact."""
@@ -78,11 +84,13 @@ class HandLoad:
     def set_tool(self, tool: Tool) -> None:
         """Let model, controller and estimators carry a tool from the next tick on.
 
-        A weight that the resting hand does not read is carried all the same, for it may be put on later, but said so.
+        A weight that the resting hand does not read is carried all the same, for it may be put on later, but said so. The
+        lever of a heavy tool is inert only once the hand reads no more with it than what touches it: where 3 kg at 0.3 m were
+        told and are not there, the wrist would seem fifty times as inert as it is, its every turn would be taken for a force,
+        and the robot would throw itself over.
         """
         self._message = self._doubt(tool)
-        self._tool = tool
-        self._model.carry(tool.mass_kg, tool.center_of_mass_m)
+        self._carry(tool, weighed=GRAVITY_MPS2 * tool.mass_kg < WEIGHED_N)
         if self._observed is not None:
             self._observed.forget_parameters()
         self._tare.clear()
@@ -126,6 +134,8 @@ class HandLoad:
             self._tare.restart()
         else:
             self._tare.observe(force_n, CONTROL_PERIOD_S)
+        if not self._weighed:
+            self._weigh(force_n[2])
         if self._motion is None or self._observed is None:
             return
         self._motion.step(self._model, self._observed.momentum.residual, CONTROL_PERIOD_S)
@@ -135,6 +145,18 @@ class HandLoad:
                 self.set_tool(motion.tool(self._tool))
             except ToolError as error:
                 self._message = f"no tool was found: {error}"
+
+    def _carry(self, tool: Tool, *, weighed: bool) -> None:
+        self._tool, self._weighed, self._weighing_s = tool, weighed, 0.0
+        self._model.carry(tool.mass_kg, tool.center_of_mass_m, inert_lever=weighed)
+
+    def _weigh(self, upward_n: float) -> None:
+        """A tool hangs on the hand unless that reads upwards what the tool would weigh."""
+        self._weighing_s += CONTROL_PERIOD_S
+        self._read_n += CONTROL_PERIOD_S / min(self._weighing_s, WEIGHING_S) * (upward_n - self._read_n)
+        bound = max(0.5 * WEIGHED_N, FELT_SHARE * GRAVITY_MPS2 * self._tool.mass_kg)
+        if self._weighing_s > WEIGHING_S and self._read_n < bound:
+            self._carry(self._tool, weighed=True)
 
     def _doubt(self, tool: Tool) -> str:
         """Why this tool seems not to hang on the hand; empty where it may."""

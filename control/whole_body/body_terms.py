@@ -5,7 +5,7 @@ import numpy as np
 from control.frames import rotation_heading_to_world
 from control.kernels.compiled import kernel
 from control.kernels.records import record
-from control.robot_model import RobotModel, mass_center
+from control.robot_model import RobotModel
 
 BODY_TERMS = record(
     rotation_base_to_world=(3, 3),
@@ -55,19 +55,23 @@ def _without_load(mass: float, center: np.ndarray, hand_jacobian: np.ndarray, in
                 inertia[row, column] -= mass * linear[i, row] * linear[i, column]
 
 
-@kernel("void(f8[:,::1], vector, matrix, matrix, f8[::1,:], vector, i8[:], f8, f8, f8, vector, Terms[::1])", Terms=BODY_TERMS)
+@kernel(
+    "void(f8[:,::1], vector, matrix, matrix, f8[::1,:], vector, vector, i8[:], f8, f8, f8, vector, Terms[::1])",
+    Terms=BODY_TERMS,
+)
 def _fill(
     rotation_base_to_world: np.ndarray,
     hand: np.ndarray,
     contacts: np.ndarray,
     wrench_jacobian: np.ndarray,
     mass_matrix: np.ndarray,
+    center_of_mass: np.ndarray,
     gravity: np.ndarray,
     joint_rows: np.ndarray,
     arm_mass: float,
     total_mass: float,
     load_mass: float,
-    load_center: np.ndarray,
+    load_lever: np.ndarray,
     out: np.ndarray,
 ) -> None:
     """Pick the terms (1,) of one robot out of the model's; shapes and units as in RobotModel and BODY_TERMS.
@@ -75,13 +79,13 @@ def _fill(
     Args:
         joint_rows: (22,) generalized row of each joint.
         arm_mass, total_mass: kg.
-        load_mass, load_center: kg, and m from the hand, world-aligned.
+        load_mass, load_lever: kg, and m from the hand, world-aligned, where it is inert.
     """
     terms = out[0]
     terms.arm_mass, terms.rest_mass = arm_mass, total_mass - arm_mass
     heading = rotation_heading_to_world(rotation_base_to_world)
-    mass_center(mass_matrix, rotation_base_to_world, total_mass, terms.center_of_mass)
     for i in range(3):
+        terms.center_of_mass[i] = center_of_mass[i]
         terms.hand[i] = hand[i]
         for j in range(3):
             terms.rotation_base_to_world[i, j] = rotation_base_to_world[i, j]
@@ -98,7 +102,7 @@ def _fill(
             terms.hand_jacobian[j, i] = wrench_jacobian[_HAND_ROW + j, row]
             terms.arm_inertia[i, j] = mass_matrix[row, joint_rows[_FIRST_ARM_JOINT + j]]
     if load_mass > 0.0:
-        _without_load(load_mass, load_center, terms.hand_jacobian, terms.arm_inertia)
+        _without_load(load_mass, load_lever, terms.hand_jacobian, terms.arm_inertia)
 
 
 def body_terms(model: RobotModel) -> np.ndarray:
@@ -110,12 +114,13 @@ def body_terms(model: RobotModel) -> np.ndarray:
         model.wheel_contact_positions,
         model.wrench_jacobian,
         model.mass_matrix,
+        model.center_of_mass,
         model.gravity,
         model.joint_rows,
         model.arm_mass,
         model.total_mass,
         model.load_mass,
-        model.load_center,
+        model.load_lever,
         terms,
     )
     return terms

@@ -1,5 +1,6 @@
 """Of the benchmark of recordings: what they cost the tick, history, the recorder, and the pipeline run again."""
 
+import gc
 import multiprocessing
 import os
 import time
@@ -89,6 +90,7 @@ def ticks(report: Report, blocks: int) -> None:
     for _ in range(TICK_SLOTS):  # once around, as after 16 s: the first time, the memory is paged in
         tap.put_tick(session)
         tap.put_moment(snapshot)
+    _settle()
     for block in range(2 * blocks):
         told = bool(block % 2)
         past.clear()
@@ -119,6 +121,7 @@ def history(report: Report, seconds: float) -> None:
     session = Simulation(SimulationConfig(seed=report.seed))
     past, asked = History(session), setpoint()
     kept_ms, size_kb = [], float("nan")
+    _settle()
     for tick in range(round(seconds / TICK_S)):
         session.tick_setpoint(asked, 0.0)
         past.ticked(asked, 0.0)
@@ -201,6 +204,12 @@ def again(report: Report, path: Path) -> None:
         at_least("one estimator again", factor, 5.0, "times real time"),
     ]
     recording.close()
+
+
+def _settle() -> None:
+    """As the control process does: what stands for good is looked through for garbage no more."""
+    gc.collect()
+    gc.freeze()
 
 
 def _row(case: str, metric: str, value: float, unit: str) -> dict[str, Any]:

@@ -40,6 +40,23 @@ def test_a_model_that_carries_a_tool_weighs_it_where_it_is() -> None:
     np.testing.assert_allclose(model.gravity, gravity, atol=1e-9)
 
 
+def test_a_load_without_an_inert_lever_weighs_the_same_and_is_inert_at_the_hand() -> None:
+    model, mass = nominal(RobotModel()), 1.3
+    bare, velocity = model.mass_matrix.copy(), np.random.default_rng(1).normal(size=JOINT_COUNT)
+    terms = {}
+    for inert in (True, False):
+        model.carry(mass, CENTER_M, inert_lever=inert)
+        nominal(model)
+        terms[inert] = model.gravity.copy(), model.arm_gravity.copy(), model.center_of_mass, -model.momentum_drift.copy()
+    for one, other in zip(terms[True], terms[False], strict=True):
+        np.testing.assert_allclose(one, other, atol=1e-9)
+    linear = model.end_effector_jacobian[:3]
+    upper = np.triu(np.ones_like(bare, dtype=bool))
+    np.testing.assert_allclose((model.mass_matrix - bare)[upper], (mass * linear.T @ linear)[upper], atol=1e-9)
+    model.update(np.eye(3), NOMINAL_POSITION, np.zeros(3), np.zeros(3), velocity)
+    assert model.load_lever.tolist() == [0.0, 0.0, 0.0]
+
+
 @pytest.mark.parametrize(("mass", "center"), [(-0.1, CENTER_M), (9.0, CENTER_M), (1.0, np.full(3, 2.0)), (1.0, np.zeros(2))])
 def test_no_hand_carries_that(mass: float, center: np.ndarray) -> None:
     with pytest.raises(ToolError, match=r"range|within"):
@@ -103,6 +120,19 @@ def test_a_tool_that_the_hand_does_not_read_is_doubted(mounted: bool) -> None:
     assert session.pipeline.hand_load.state("hybrid").message == ""
 
 
+@pytest.mark.parametrize("mounted", [True, False])
+def test_the_lever_of_a_heavy_tool_is_inert_once_the_hand_has_weighed_it(mounted: bool) -> None:
+    session = settled(payload_kg=1.5 if mounted else 0.0)
+    session.set_tool(1.5, [0.0, 0.0, -0.05])
+    model = session.pipeline.model
+    assert not model.load_lever.any()
+    for _ in range(1500):
+        session.tick(DEFAULT_COMMAND)
+    assert model.load_lever.any() == mounted
+    session.set_tool(0.3, [0.0, 0.0, -0.05])
+    assert model.load_lever.any(), "a light tool makes no wrist shake"
+
+
 def test_a_weight_that_nobody_has_told_of_is_not_tared() -> None:
     session = settled(payload_kg=2.5)
     for _ in range(200):
@@ -124,6 +154,12 @@ def test_rate_feedback_does_not_grow_with_a_tool_that_may_not_be_there() -> None
         np.testing.assert_allclose(body_terms(model)["arm_inertia"], bare, atol=1e-9)
 
 
+def up(session: Simulation) -> float:
+    """Cosine of the trunk's tilt."""
+    _, x, y, _ = session.truth().base_orientation_wxyz
+    return 1.0 - 2.0 * (x * x + y * y)
+
+
 @pytest.mark.slow
 def test_a_heavy_tool_that_is_not_there_does_not_fell_the_robot() -> None:
     session, rng = Simulation(SimulationConfig(seed=8)), np.random.default_rng(7)
@@ -133,5 +169,16 @@ def test_a_heavy_tool_that_is_not_there_does_not_fell_the_robot() -> None:
         mask, force = rng.integers(0, 2, 3).astype(float), rng.uniform(-20.0, 20.0, 3)
         for _ in range(100):
             session.tick(replace(DEFAULT_COMMAND, mask=mask, force_n=force, base_velocity=ahead))
-        _, x, y, _ = session.truth().base_orientation_wxyz
-        assert 1.0 - 2.0 * (x * x + y * y) > np.cos(np.radians(20.0))
+        assert up(session) > np.cos(np.radians(20.0))
+
+
+@pytest.mark.slow
+def test_a_robot_that_begins_with_a_tool_that_is_not_there_bears_a_push() -> None:
+    session = Simulation(SimulationConfig(seed=2))
+    session.set_tool(3.0, [0.3, 0.0, 0.3])
+    session.reset()
+    for push in ([-5.0, 13.0, -12.0], [4.0, 9.0, -6.0], [0.0, 0.0, 0.0]):
+        session.add_wrench(force_n=push, body="end_effector", frame="heading", duration_s=1.0, ramp_s=0.2)
+        for _ in range(300):
+            session.tick(DEFAULT_COMMAND)
+            assert up(session) > np.cos(np.radians(10.0))
