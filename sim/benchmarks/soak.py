@@ -39,6 +39,9 @@ SETTLE_S = 60.0
 NOTICED_S = 1.0
 """A control process that was killed is known to be dead by then."""
 
+LASTING = ("/scene", "/mismatch", "/estimator", "/estimator/tool")
+"""What generated calls leave behind, and a fall may come of."""
+
 CONTROLLERS, ESTIMATORS, SCENES = ("policy", "model_based"), ("hybrid", "adaptive", "gmo_cqp"), ("free", "box", "board")
 
 
@@ -200,7 +203,8 @@ def use(report: Report, console: SoakConsole, dice: random.Random, duration_s: f
             state = console.call("GET", "/state")
             if state.status == 200 and lies(state.body):
                 tally.falls += 1
-                report.progress(f"fell: {json.dumps(calls)}")
+                found = {path: console.call("GET", path).body for path in LASTING}
+                report.progress(f"fell: {json.dumps(calls)}, with {json.dumps(found)}")
             tally.refused += sum(status == 0 or status >= 400 for status in answers)
             tally.windows += 1
             console.press()
