@@ -122,11 +122,11 @@ class ControlLoop:
         if self._urgent_publish or due(Job.SNAPSHOT, (self._idle or self._ticks) - 1):
             self._publish()
         if stopped is not None:
-            self._estops.take(stopped)
+            self._estops.take(*stopped)
         self._answer()
 
-    def _take_estop(self) -> int | None:
-        """Latch the e-stop if one is pending; returns its number."""
+    def _take_estop(self) -> tuple[int, Mode] | None:
+        """Latch the e-stop if one is pending; its number, and the mode that it led to."""
         if not self._estops.pending:
             return None
         asked = self._estops.asked
@@ -137,7 +137,7 @@ class ControlLoop:
             _log.exception("the backend did not take the e-stop")
         self._end_step("the e-stop was pressed")
         self._urgent_publish = True
-        return asked
+        return asked, self._session.mode
 
     def _answer(self) -> None:
         for event, outcome, value in self._answers:

@@ -1,8 +1,8 @@
-"""The e-stop's own way into the control process: two counters in shared memory, which nothing can fill, delay or stop.
+"""The e-stop's own way into the control process: a few words in shared memory, which nothing can fill, delay or stop.
 
 The web process counts how often the e-stop was asked for. The control process looks at every turn and, once it has
-published the state that shows what came of it, answers with the count it acted on. What was asked for while no control
-process ran, or while it hung, waits for it or for the next one.
+published the state after it, answers with the count it acted on and with the mode that came of it. What was asked for while
+no control process ran, or while it hung, waits for it or for the next one.
 """
 
 import threading
@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 
 from sim.processes.anonymous_memory import AnonymousMemory
+from sim.runtime.snapshot import Mode
 
-_ASKED, _TAKEN = 0, 1
+_ASKED, _TAKEN, _MODE = range(3)
 HELD_S = 0.004
 """Two turns of a control process that ticks."""
 
@@ -25,7 +26,7 @@ _LOOK_EVERY_S = 0.0002
 
 def allocate() -> AnonymousMemory:
     """Zeroed memory for one lane, to be given to `EstopLane` here and, as a process argument, in a spawned child."""
-    return AnonymousMemory(2 * np.uint64().itemsize)
+    return AnonymousMemory(3 * np.uint64().itemsize)
 
 
 class EstopLane:
@@ -56,8 +57,14 @@ class EstopLane:
             self._counts[_ASKED] += np.uint64(1)
             return self.asked
 
-    def take(self, number: int) -> None:
-        """Say that everything up to `number` was acted on and published."""
+    @property
+    def mode(self) -> Mode:
+        """What the last one that was acted on led to. The state may say otherwise by now: others may clear it at any time."""
+        return Mode(int(self._counts[_MODE]))
+
+    def take(self, number: int, mode: Mode) -> None:
+        """Say that everything up to `number` was acted on and published, and led to `mode`."""
+        self._counts[_MODE] = mode
         self._counts[_TAKEN] = number
 
     def taken(self, number: int) -> bool:

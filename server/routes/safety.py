@@ -22,7 +22,7 @@ router = APIRouter(prefix="/api/v1/estop", tags=["safety"])
 
 @router.post("", response_model=EstopAnswer, responses=refusals(503))
 async def estop(operator: TheOperator) -> Response:
-    """Latch the e-stop. The answer carries the state that the backend reports.
+    """Latch the e-stop. The answer carries the mode that it led to, whoever clears it right afterwards.
 
     It needs no control process: a robot's I/O process damps, and the next control process starts with the e-stop latched.
     """
@@ -38,7 +38,7 @@ async def estop(operator: TheOperator) -> Response:
         if waited_s > (CALL_TIMEOUT_S if client.alive else 2.0 * ROBOT_AFTER_S):
             raise ControlTimeoutError(_unconfirmed(operator))
         await asyncio.sleep(POLL_S)
-    mode = Mode(int(client.require_snapshot()["mode"]))
+    mode = client.estops.mode
     return json_response({"latched": mode is Mode.ESTOP, "mode": mode.name.lower()})
 
 

@@ -4,6 +4,7 @@ import http.client
 import json
 import math
 import multiprocessing
+import sys
 import tempfile
 import time
 from contextlib import AbstractContextManager
@@ -54,6 +55,8 @@ def press(port: int) -> Press:
     pressed = time.monotonic()
     answer = call(port, "POST", "/estop")
     confirmed = answer.status == 200 and answer.body["latched"]
+    if not confirmed:
+        print(f"an e-stop was not confirmed: {answer}", file=sys.stderr, flush=True)
     while call(port, "POST", "/estop/clear").status == 429 and time.monotonic() < pressed + TIMEOUT_S:
         time.sleep(0.05)
     return Press(pressed, answer.duration_s if confirmed else math.nan)

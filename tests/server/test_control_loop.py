@@ -211,6 +211,15 @@ def test_clearing_the_estop_in_a_hold_answers_the_hold(paused: Bench) -> None:
     assert clear_estop(paused).value == {"latched": False, "mode": "paused"}
 
 
+def test_whoever_pressed_learns_that_it_acted_although_another_cleared_it_at_once(paused: Bench) -> None:
+    number = paused.estops.ask()
+    paused.send("clear_estop", estops=number)
+    paused.turn()
+    assert paused.snapshot["mode"] == Mode.PAUSED
+    assert paused.estops.taken(number)
+    assert paused.estops.mode is Mode.ESTOP
+
+
 def test_only_what_was_pressed_before_is_cleared(paused: Bench) -> None:
     paused.send("clear_estop", estops=paused.estops.asked)
     paused.estops.ask()

@@ -6,6 +6,7 @@ import pytest
 
 from server import estop_lane
 from server.estop_lane import HELD_S, HELD_SHARE, EstopLane
+from sim.runtime.snapshot import Mode
 
 
 class Clock:
@@ -37,7 +38,7 @@ def lane() -> EstopLane:
 
 def test_the_caller_goes_on_as_soon_as_the_estop_has_acted(lane: EstopLane, clock: Clock) -> None:
     number = lane.ask()
-    clock.after_sleep = lambda: lane.take(number) if clock.now_s > 0.5 * HELD_S else None
+    clock.after_sleep = lambda: lane.take(number, Mode.ESTOP) if clock.now_s > 0.5 * HELD_S else None
     lane.hold_until_taken(number)
     assert lane.taken(number) and 0.5 * HELD_S < clock.now_s < 0.75 * HELD_S
 
