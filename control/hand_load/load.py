@@ -18,7 +18,6 @@ SLOW_RPS = 0.2
 WEIGHED_N, FELT_SHARE = 5.0, 0.3
 """A change of the tool's weight by so much shows in what the hand reads; less than this share of it was not there."""
 
-
 WEIGHING_S = 1.5
 """What the hand reads is averaged over so long to tell whether a tool hangs there: longer than a touch."""
 
