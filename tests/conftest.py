@@ -1,6 +1,7 @@
 """Order of the tests, and what each must leave behind: nothing."""
 
 import asyncio
+import os
 import time
 from collections.abc import Iterator
 from contextlib import suppress
@@ -9,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from sim.backends.unitree.dds import dds_unavailable_because
+from tests.processes import children, command_line
 
 ENDING_S = 10.0
 
@@ -47,17 +49,14 @@ def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> 
 
 
 def _lasting_children() -> list[object]:
-    """Command lines of this process's children that do not end within a moment."""
+    """Children of this process that do not end within a moment, with their commands."""
     deadline = time.monotonic() + ENDING_S
-    while (children := list(_children())) and time.monotonic() < deadline:
+    while (left := _children()) and time.monotonic() < deadline:
         time.sleep(0.05)
-    return children
+    return left
 
 
-def _children() -> Iterator[object]:
-    """Command lines of the living children of this process, where Linux lists them."""
-    for children in Path("/proc/self/task").glob("*/children"):
-        for pid in children.read_text().split():
-            command = Path(f"/proc/{pid}/cmdline").read_text().replace("\0", " ")
-            if command and "multiprocessing.resource_tracker" not in command:
-                yield f"{pid}: {command}"
+def _children() -> list[object]:
+    """Living children of this process but the one that Python keeps for itself."""
+    commands = {child.pid: command_line(child) for child in children(os.getpid())}
+    return [f"{pid}: {line}" for pid, line in commands.items() if line and "multiprocessing.resource_tracker" not in line]

@@ -3,10 +3,10 @@
 import os
 import subprocess
 import sys
-from pathlib import Path
 from urllib.parse import urlsplit
 
 from control.paths import ROOT
+from tests.processes import children, command_line
 
 CLOSING_S = 20.0
 
@@ -44,9 +44,7 @@ class ConsoleProcess:
 
     def control_pid(self) -> int:
         """Process id of the control process, the console's spawned child."""
-        threads = Path(f"/proc/{self.process.pid}/task").iterdir()  # any of them may have started it
-        children = [pid for thread in threads for pid in (thread / "children").read_text().split()]
-        spawned = [int(pid) for pid in children if "spawn_main" in Path(f"/proc/{pid}/cmdline").read_text()]
+        spawned = [child.pid for child in children(self.process.pid) if "spawn_main" in command_line(child)]
         assert len(spawned) == 1
         return spawned[0]
 

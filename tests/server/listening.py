@@ -15,16 +15,6 @@ class Port(NamedTuple):
     number: int
 
 
-def tree(pid: int) -> set[int]:
-    """A process and all that descend from it."""
-    found, fresh = set(), {pid}
-    while fresh:
-        found |= fresh
-        tasks = [task for parent in fresh for task in Path(f"/proc/{parent}/task").iterdir()]
-        fresh = {int(child) for task in tasks for child in (task / "children").read_text().split()} - found
-    return found
-
-
 def tcp_ports(pids: set[int]) -> set[Port]:
     """TCP ports on which any of the processes accepts connections."""
     sockets = _sockets(pids)

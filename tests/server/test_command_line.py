@@ -14,6 +14,7 @@ import httpx
 import pytest
 
 from control.paths import ROOT
+from tests.processes import children, runs
 
 
 def start(*arguments: str) -> subprocess.Popen[str]:
@@ -25,16 +26,6 @@ def start(*arguments: str) -> subprocess.Popen[str]:
         text=True,
         env={name: value for name, value in os.environ.items() if name != "FORCELENS_TOKEN"},
     )
-
-
-def children(pid: int) -> list[int]:
-    listed = subprocess.run(["ps", "-o", "pid=", "--ppid", str(pid)], capture_output=True, text=True, check=False)
-    return [int(line) for line in listed.stdout.split()]
-
-
-def alive(pid: int) -> bool:
-    state = Path(f"/proc/{pid}/stat")
-    return state.exists() and state.read_text().rsplit(")", 1)[1].split()[0] != "Z"
 
 
 @pytest.fixture
@@ -52,7 +43,7 @@ def test_it_prints_its_address_serves_and_takes_its_processes_along() -> None:
         assert found, line + process.communicate()[1]
         assert httpx.get(found[0], timeout=60.0).status_code == 200
         assert httpx.get(f"{found[0]}api/v1/health", timeout=60.0).json()["status"] == "ok"
-        started = children(process.pid)
+        started = [child.pid for child in children(process.pid)]
         assert started
         maps = [Path(f"/proc/{pid}/maps").read_text() for pid in (process.pid, *started)]
         assert any("libmujoco" in each for each in maps)
@@ -61,9 +52,9 @@ def test_it_prints_its_address_serves_and_takes_its_processes_along() -> None:
         assert process.wait(60.0) == 0
         # multiprocessing's own resource tracker ends only once its pipe has closed, a moment after its parent.
         deadline = time.monotonic() + 10.0
-        while any(map(alive, started)) and time.monotonic() < deadline:
+        while any(map(runs, started)) and time.monotonic() < deadline:
             time.sleep(0.01)
-        assert not [pid for pid in started if alive(pid)]
+        assert not [pid for pid in started if runs(pid)]
     finally:
         process.kill()
 

@@ -14,7 +14,8 @@ from sim.backends.unitree.dds import dds_unavailable_because
 from sim.emulator.process import EmulatorProcess
 from tests.console_process import ConsoleProcess
 from tests.dds_domain import dds_domain
-from tests.server.listening import Port, tcp_ports, tree, unix_paths
+from tests.processes import tree
+from tests.server.listening import Port, tcp_ports, unix_paths
 
 pytestmark = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="looks into /proc")
 

@@ -19,7 +19,7 @@ from control.paths import ROOT
 from server.command_line import parser
 from server.listening import listen
 from sim.emulator.command_line import parser as emulator_parser
-from tests.server.listening import tree
+from tests.processes import runs, tree
 
 PATIENCE_S = 60.0
 MOMENTS = 6
@@ -59,19 +59,6 @@ def listens_to_sigterm(pid: int) -> bool:
     return bool(caught >> (signal.SIGTERM - 1) & 1)
 
 
-def runs(pid: int) -> bool:
-    try:
-        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
-    except FileNotFoundError:
-        return False
-
-
-def processes(pid: int) -> set[int]:
-    with suppress(FileNotFoundError):
-        return tree(pid)
-    return set()
-
-
 def free_port() -> int:
     with socket.create_server(("127.0.0.1", 0)) as listener:
         return listener.getsockname()[1]
@@ -96,7 +83,7 @@ def test_ctrl_c_at_any_moment_of_the_start_ends_it_plainly_with_all_its_processe
         process = start(*command)
         eventually(lambda pid=process.pid: listens_to_sigterm(pid))
         time.sleep(moment / MOMENTS * duration_s)
-        started = processes(process.pid)
+        started = tree(process.pid)
         os.killpg(process.pid, signal.SIGINT)  # as a terminal does
         output, errors = process.communicate(timeout=PATIENCE_S)
         said = output + errors
@@ -166,7 +153,7 @@ def test_a_command_that_is_refused_leaves_no_process_behind(tmp_path: Path) -> N
     process = start("--no-browser", "--port", "0", "--token-file", str(tmp_path / "missing"))
     seen: set[int] = set()
     while process.poll() is None:
-        seen |= processes(process.pid)
+        seen |= tree(process.pid)
         time.sleep(0.005)
     assert process.communicate()[1].count("\n") == 1 and process.returncode == 2
     assert len(seen) > 1, "the control process is spawned ahead"
