@@ -27,6 +27,7 @@ class Job(Enum):
     NETWORK_STEP: the network of the estimator that feeds the controller.
     SNAPSHOT: what consoles and scripts see.
     LIVE_ERRORS: of the estimators against the truth, which the snapshot of the same tick needs anyway.
+    KEPT_MOMENT: what a simulation carries, truth included, for its history; not at every period.
     """
 
     CONTROLLER = auto()
@@ -36,6 +37,7 @@ class Job(Enum):
     NETWORK_STEP = auto()
     SNAPSHOT = auto()
     LIVE_ERRORS = auto()
+    KEPT_MOMENT = auto()
 
 
 TIMETABLE: tuple[tuple[Job, ...], ...] = (
@@ -46,14 +48,14 @@ TIMETABLE: tuple[tuple[Job, ...], ...] = (
     (Job.SHOWN_ESTIMATE,),
     (Job.ADAPTATION,),
     (Job.SHOWN_ESTIMATE,),
-    (Job.SHOWN_ESTIMATE, Job.SNAPSHOT),
+    (Job.SHOWN_ESTIMATE, Job.SNAPSHOT, Job.KEPT_MOMENT),
     (Job.NETWORK_STEP,),
     (Job.REFERENCES,),
 )
 """The jobs of each slot. Where snapshots are filled none of the default estimators is shown: gmo_cqp is shown with
 hybrid_paper, and hybrid is selected."""
 
-CHEAP_JOBS = frozenset({Job.SNAPSHOT, Job.LIVE_ERRORS})
+CHEAP_JOBS = frozenset({Job.SNAPSHOT, Job.LIVE_ERRORS, Job.KEPT_MOMENT})
 """Jobs that may share a slot. All others have one to themselves."""
 
 

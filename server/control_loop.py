@@ -88,7 +88,7 @@ class ControlLoop:
         self._pacer = pacer
         self._run = RunControl(running=not paused)
         self._failure: str | None = None
-        self._setpoint = default_setpoint()
+        self._setpoint = default_setpoint()[0]
         self._void_sequence = -1  # of the command that was asked before the last restart
         self._snapshot = np.zeros(1, SNAPSHOT)
         self._record: np.void = self._snapshot[0]
@@ -149,7 +149,9 @@ class ControlLoop:
         self._port.flush()
 
     def _tick(self) -> None:
-        setpoint = (released(self._setpoint) if self._setpoint[0]["sequence"] == self._void_sequence else self._setpoint)[0]
+        setpoint = self._setpoint
+        if setpoint["sequence"] == self._void_sequence:
+            setpoint = released(setpoint)
         age_s = _age_s(setpoint)
         try:
             self._session.tick_setpoint(setpoint, age_s)
@@ -177,17 +179,17 @@ class ControlLoop:
     def _read_setpoint(self) -> None:
         # Few attempts: with a higher priority than the writer, waiting for it would never end. The last one still holds.
         # A hold has the time to yield to the writer, and its next tick shall run what was asked before it.
-        newest = self._setpoints.read(attempts=3) if self._run.running else self._setpoints.read()
+        newest = self._setpoints.read_new(attempts=3) if self._run.running else self._setpoints.read_new()
         if newest is None:
             return
-        if newest[0]["sequence"] != self._setpoint[0]["sequence"]:
+        if newest[0]["sequence"] != self._setpoint["sequence"]:
             self._urgent_publish = True
-        self._setpoint = newest
+        self._setpoint = newest[0]
 
     def _void_setpoint(self) -> None:
         """What was asked before a restart does not act after it, not even until its operator's side has let go of it."""
         newest = self._setpoints.read()
-        self._void_sequence = int((self._setpoint if newest is None else newest)[0]["sequence"])
+        self._void_sequence = int((self._setpoint if newest is None else newest[0])["sequence"])
 
     def _publish(self) -> None:
         record, history = self._record, self._history

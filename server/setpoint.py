@@ -13,9 +13,9 @@ def default_setpoint() -> np.ndarray:
     return setpoint
 
 
-def released(setpoint: np.ndarray) -> np.ndarray:
-    """A SETPOINT array (1,) with its command at the default and no drag; sequence and sign of life as they were."""
-    asked = default_setpoint()
+def released(setpoint: np.void) -> np.void:
+    """A SETPOINT record with its command at the default and no drag; sequence and sign of life as they were."""
+    asked = default_setpoint()[0]
     for field in ("sequence", "heartbeat_s"):
         asked[field] = setpoint[field]
     return asked

@@ -67,11 +67,15 @@ class Moment:
         StateError: something that they carry has no STATE and is neither plain nor an array.
     """
 
-    __slots__ = ("_arrays", "_dicts", "_generators", "_lists", "_objects", "_seen")
+    __slots__ = ("_arrays", "_carriers", "_contents", "_dicts", "_generators", "_lists", "_plans", "_seen", "_values")
 
     def __init__(self, *roots: object) -> None:
-        self._objects: list[tuple[Any, _Plan, tuple[Any, ...]]] = []
-        self._arrays: list[tuple[np.ndarray, bytes]] = []
+        # Lists side by side, not one of tuples: the fewer objects are made, the rarer the garbage collector looks at them.
+        self._carriers: list[Any] = []
+        self._plans: list[_Plan] = []
+        self._values: list[tuple[Any, ...]] = []
+        self._arrays: list[np.ndarray] = []
+        self._contents: list[bytes] = []
         self._dicts: list[tuple[dict[Any, Any], dict[Any, Any]]] = []
         self._lists: list[tuple[Any, tuple[Any, ...]]] = []
         self._generators: list[tuple[np.random.Generator, Any]] = []
@@ -81,10 +85,10 @@ class Moment:
 
     def restore(self) -> None:
         """Put it back. May be called again later."""
-        for carrier, plan, values in self._objects:
+        for carrier, plan, values in zip(self._carriers, self._plans, self._values, strict=True):
             for name, value in zip(plan.names, values, strict=True):
                 setattr(carrier, name, value)
-        for array, content in self._arrays:
+        for array, content in zip(self._arrays, self._contents, strict=True):
             np.copyto(array, content_of(array, content))
         for mapping, items in self._dicts:
             mapping.clear()
@@ -94,7 +98,7 @@ class Moment:
             sequence.extend(items)
         for generator, state in self._generators:
             generator.bit_generator.state = state
-        for carrier, plan, _ in self._objects:
+        for carrier, plan in zip(self._carriers, self._plans, strict=True):
             if plan.unpacks:
                 carrier.unpack_state()
 
@@ -102,15 +106,17 @@ class Moment:
         """What was held then, by the `id` of what held it: values of an object in the order of `state_names`, bytes of an
         array, items of a dict, a list or a deque.
         """
-        held: dict[int, Any] = {id(carrier): values for carrier, _, values in self._objects}
-        for pairs in (self._arrays, self._dicts, self._lists):
+        held: dict[int, Any] = {}
+        for holders, contents in ((self._carriers, self._values), (self._arrays, self._contents)):
+            held |= zip(map(id, holders), contents, strict=True)
+        for pairs in (self._dicts, self._lists):
             held |= {id(holder): content for holder, content in pairs}
         return held
 
     def views(self) -> dict[int, list[tuple[np.ndarray, bytes]]]:
         """Arrays that are views, with their bytes then, by the `id` of the array that they are views of."""
         found: dict[int, list[tuple[np.ndarray, bytes]]] = {}
-        for array, content in self._arrays:
+        for array, content in zip(self._arrays, self._contents, strict=True):
             if isinstance(array.base, np.ndarray):
                 found.setdefault(id(array.base), []).append((array, content))
         return found
@@ -118,7 +124,7 @@ class Moment:
     @property
     def array_bytes(self) -> int:
         """Size of the arrays' content."""
-        return sum(len(content) for _, content in self._arrays)
+        return sum(map(len, self._contents))
 
     def _take_all(self, values: Iterable[Any]) -> None:
         # Runs between two ticks of a robot: lookups instead of calls, where it can be.
@@ -137,7 +143,9 @@ class Moment:
             values = plan.values(carrier)
         except AttributeError as error:
             raise StateError(f"STATE names what is not there: {error}") from None
-        self._objects.append((carrier, plan, values))
+        self._carriers.append(carrier)
+        self._plans.append(plan)
+        self._values.append(values)
         try:
             self._take_all(values)
         except StateError as error:
@@ -145,7 +153,8 @@ class Moment:
 
     def _take_array(self, array: np.ndarray) -> None:
         if array.flags.writeable:
-            self._arrays.append((array, array.tobytes()))  # a fraction of what a copy costs
+            self._arrays.append(array)
+            self._contents.append(array.tobytes())  # a fraction of what a copy costs
 
     def _take_dict(self, mapping: dict[Any, Any]) -> None:
         self._dicts.append((mapping, mapping.copy()))

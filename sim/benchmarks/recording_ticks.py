@@ -29,6 +29,8 @@ from sim.runtime.snapshot import SETPOINT, SNAPSHOT, command_to_record
 
 BLOCK = 250
 _PUBLISHED_EVERY = 5
+_ASKED_EVERY = 10
+"""Ticks between two set-points: more of them than a console writes while nobody drives."""
 
 
 def setpoint() -> np.void:
@@ -95,6 +97,8 @@ def ticks(report: Report, blocks: int) -> None:
         told = bool(block % 2)
         past.clear()
         for tick in range(BLOCK):
+            if tick % _ASKED_EVERY == 0:
+                asked = setpoint()
             started = time.thread_time_ns()
             session.tick_setpoint(asked, 0.0)
             if tick % _PUBLISHED_EVERY == 0:
@@ -117,7 +121,7 @@ def ticks(report: Report, blocks: int) -> None:
 
 
 def history(report: Report, seconds: float) -> None:
-    """Kept moments, and stepping back by amounts drawn at random."""
+    """Kept moments, beside a snapshot which needs the truth of then too; and stepping back by amounts drawn at random."""
     session = Simulation(SimulationConfig(seed=report.seed))
     past, asked = History(session), setpoint()
     kept_ms, size_kb = [], float("nan")
@@ -126,6 +130,7 @@ def history(report: Report, seconds: float) -> None:
         session.tick_setpoint(asked, 0.0)
         past.ticked(asked, 0.0)
         if tick % BLOCK == 100:
+            session.truth()
             started = time.perf_counter()
             moment = Moment(session)
             kept_ms.append(1e3 * (time.perf_counter() - started))

@@ -41,6 +41,7 @@ class SharedRecord:
         self.dtype = dtype
         self._header = view[: _HEADER.itemsize].view(_HEADER)
         self._body = view[_HEADER.itemsize :]
+        self._seen = 0
 
     def write(self, record: np.ndarray) -> None:
         """Publish `record`, shape (1,). Only one process, and one thread of it, may write."""
@@ -72,3 +73,13 @@ class SharedRecord:
             if attempt > 3:
                 time.sleep(5e-5)
         return None
+
+    def read_new(self, attempts: int = 200) -> np.ndarray | None:
+        """Like `read`, for one thread; None as well when nothing was written since its last call."""
+        counter = int(self._header[0]["counter"])
+        if counter == self._seen:
+            return None
+        newest = self.read(attempts)
+        if newest is not None:
+            self._seen = counter  # what was written meanwhile is read again
+        return newest

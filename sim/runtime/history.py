@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from control.state.capture import Moment, StateError
-from control.timing import TICK_S
+from control.timing import SLOT_COUNT, TICK_S, Job, due
 from sim.runtime.session import SessionError
 from sim.runtime.simulation import Simulation
 from sim.runtime.snapshot import SETPOINT, SNAPSHOT
@@ -24,6 +24,9 @@ from sim.runtime.snapshot import SETPOINT, SNAPSHOT
 WINDOW_S = 60.0
 HALF_SECOND = 250
 """Ticks from one kept moment to the next: as many are made again at most."""
+
+_ALMOST = HALF_SECOND - SLOT_COUNT
+"""Ticks from one kept moment after which the next slot is the next one's: HALF_SECOND is a number of whole periods."""
 
 _WINDOW = round(WINDOW_S / TICK_S)
 _SHOWN_EVERY = 5
@@ -59,9 +62,12 @@ class History:
         self._session = session
         # Written to, so that all of their memory is there: it grows no more, and no tick waits for a page of it.
         self._setpoints = np.full(_WINDOW + HALF_SECOND, np.zeros((), SETPOINT))
+        self._setpoint_of_tick = array("q", bytes(8 * len(self._setpoints)))
+        self._setpoint: np.void | None = None
+        self._setpoint_count = 0
         self._ages_s = array("d", bytes(8 * len(self._setpoints)))
         self._snapshots = np.full(len(self._setpoints) // _SHOWN_EVERY, np.zeros((), SNAPSHOT))
-        self._setpoint_bytes, self._snapshot_bytes = self._setpoints.view(np.uint8).data, self._snapshots.view(np.uint8).data
+        self._snapshot_bytes = self._snapshots.view(np.uint8).data
         self._snapshot_ticks = np.full(len(self._snapshots), -1)
         self._snapshot_tick = self._snapshot_ticks.data  # to be read and set one by one
         self._kept: deque[_Kept] = deque()
@@ -113,16 +119,18 @@ class History:
             self._deeds.append(_Deed(self._last, call, arguments))
 
     def ticked(self, setpoint: np.void, age_s: float) -> None:
-        """The session has ticked with these inputs."""
+        """The session has ticked with these inputs. The set-point is the object of the tick before while it stays the same."""
         if self._trouble is not None:
             return
         self._last = round(self._session.time_s / TICK_S)
         slot = self._last % len(self._ages_s)
-        self._ages_s[slot] = age_s
-        start = slot * SETPOINT.itemsize
-        self._setpoint_bytes[start : start + SETPOINT.itemsize] = setpoint.tobytes()  # in one go, not field by field
+        if setpoint is not self._setpoint:
+            self._setpoint = setpoint
+            self._setpoint_count += 1
+            self._setpoints[self._setpoint_count % len(self._setpoints)] = setpoint
+        self._setpoint_of_tick[slot], self._ages_s[slot] = self._setpoint_count, age_s
         self._shown = None
-        if not self._kept or self._last - self._kept[-1].tick >= HALF_SECOND:
+        if not self._kept or (due(Job.KEPT_MOMENT, self._last - 1) and self._last - self._kept[-1].tick > _ALMOST):
             self._keep()
 
     def published(self, snapshot: np.void) -> None:
@@ -180,7 +188,7 @@ class History:
                 deed = deeds.pop(0)
                 deed.call(**deed.arguments)
             slot = number % len(self._ages_s)
-            session.tick_setpoint(self._setpoints[slot], self._ages_s[slot])
+            session.tick_setpoint(self._setpoints[self._setpoint_of_tick[slot] % len(self._setpoints)], self._ages_s[slot])
             if number in published:  # some readings count from one to the next
                 session.readings()
         self._last = tick

@@ -20,7 +20,6 @@ from sim.processes.shared_record import SharedRecord
 from sim.runtime.simulation import Simulation
 from sim.runtime.snapshot import SETPOINT, SNAPSHOT
 
-WARM_UP_TICKS = 2000
 TICKS = 4000
 BYTES_PER_HOUR = 5e6
 BLOCKS_PER_TICK = 0.1

@@ -124,7 +124,7 @@ def test_a_recorder_that_is_killed_loses_a_second_at_most(paused: RunningServer,
     (row,) = call(paused, "GET", "recordings")
     assert not row["complete"]
     assert 0.5 * chunks <= row["duration_s"] + 0.01
-    assert paused.state()["recording"] is None
+    paused.wait_for(lambda state: state["recording"] is None)
     assert record(paused)["complete"], "the next one works"
 
 

@@ -49,6 +49,17 @@ def test_a_record_comes_back_and_is_a_copy(shared: SharedRecord) -> None:
     assert second[0]["count"] == 8
 
 
+def test_only_what_is_new_is_read_anew(shared: SharedRecord) -> None:
+    assert shared.read_new() is None
+    for count in (7, 8):
+        shared.write(numbered(count))
+        newest = shared.read_new()
+        assert newest is not None
+        assert newest[0]["count"] == count
+        assert shared.read_new() is None
+        assert shared.read() is not None, "whoever asks for the newest gets it"
+
+
 def test_two_processes_never_tear_a_record() -> None:
     memory = shared_record.allocate(RECORD)
     shared = SharedRecord(memory, RECORD)
