@@ -20,6 +20,9 @@ from sim.processes.shared_record import SharedRecord
 from sim.runtime.simulation import Simulation
 from sim.runtime.snapshot import SETPOINT, SNAPSHOT
 
+WARM_UP_TICKS = 10_000
+"""Until what the interpreter and numpy keep for reuse grows no more."""
+
 TICKS = 4000
 BYTES_PER_HOUR = 5e6
 BLOCKS_PER_TICK = 0.1
