@@ -33,6 +33,7 @@ from sim.runtime.replay_session import ReplaySession
 from sim.runtime.session import Session
 from sim.runtime.simulation import Simulation
 from sim.runtime.snapshot import SNAPSHOT, Mode
+from sim.runtime.tick_row import TickRow
 
 NOTED_HOLD_S = 0.05
 
@@ -78,6 +79,7 @@ class ControlLoop:
         self._history = History(session) if isinstance(session, Simulation) else None
         self._history_events = HistoryEvents(session, self._history)
         self._tap = tap or Tap(tap_module.allocate())
+        self._row = TickRow()
         self._tapped_ticks = 0  # of the recording, when its last moment was put
         self._keyframes = Keyframes(self._tap, lambda: None if self._history is None else self._history.newest)
         self._own_deeds = dict(session.own_deeds)
@@ -342,7 +344,7 @@ class ControlLoop:
             for name in (name for name in deeds if deeds[name] != self._own_deeds[name]):
                 self._tap.put_event(name, {})
             self._own_deeds = dict(deeds)
-        self._tap.put_tick(self._session)
+        self._tap.put_tick(self._row.write(self._session))
         self._keyframes.ticked(self._session.pipeline)
 
     def _start_recording(self, name: str) -> tuple[Description, Heads]:

@@ -107,6 +107,11 @@ def test_the_pipeline_loads_without_a_simulator() -> None:
     subprocess.run([sys.executable, "-c", code], check=True, cwd=ROOT)
 
 
+def test_a_recorder_holds_neither_compiler_nor_simulator() -> None:
+    code = "import sys, sim.recording.recorder; assert not {'numba', 'mujoco', 'pinocchio'} & set(sys.modules)"
+    subprocess.run([sys.executable, "-c", code], check=True, cwd=ROOT)
+
+
 def test_files_stay_small() -> None:
     long = [str(p) for part in ORDER for p in (ROOT / part).rglob("*.py") if len(p.read_text().splitlines()) > 450]
     assert not long

@@ -26,6 +26,7 @@ from sim.recording.tap import TICK_SLOTS, Heads, Tap
 from sim.runtime.history import History
 from sim.runtime.simulation import Simulation, SimulationConfig
 from sim.runtime.snapshot import SETPOINT, SNAPSHOT, command_to_record
+from sim.runtime.tick_row import TickRow
 
 BLOCK = 250
 _PUBLISHED_EVERY = 5
@@ -68,11 +69,11 @@ class Recorder:
 
 def drive(session: Simulation, tap: Tap, count: int, *, pace_s: float = 0.0) -> None:
     """Tick, tell the tap, publish; at a pace, or as fast as it goes."""
-    asked, snapshot = setpoint(), np.zeros(1, SNAPSHOT)[0]
+    asked, snapshot, row = setpoint(), np.zeros(1, SNAPSHOT)[0], TickRow()
     due = time.perf_counter()
     for tick in range(count):
         session.tick_setpoint(asked, 0.0)
-        tap.put_tick(session)
+        tap.put_tick(row.write(session))
         if tick % _PUBLISHED_EVERY == 0:
             session.fill(snapshot)
             tap.put_moment(snapshot)
@@ -83,14 +84,14 @@ def drive(session: Simulation, tap: Tap, count: int, *, pace_s: float = 0.0) -> 
 def ticks(report: Report, blocks: int) -> None:
     """Processor time of a tick with recording and history, and without, in turn."""
     session = Simulation(SimulationConfig(seed=report.seed))
-    tap, asked = Tap(tap_module.allocate()), setpoint()
+    tap, asked, row = Tap(tap_module.allocate()), setpoint(), TickRow()
     taken_us: dict[bool, list[float]] = {False: [], True: []}
     tap.start("benchmark")
     past = History(session)
     snapshot = np.zeros(1, SNAPSHOT)[0]
     session.tick_setpoint(asked, 0.0)
     for _ in range(TICK_SLOTS):  # once around, as after 16 s: the first time, the memory is paged in
-        tap.put_tick(session)
+        tap.put_tick(row.write(session))
         tap.put_moment(snapshot)
     _settle()
     for block in range(2 * blocks):
@@ -105,7 +106,7 @@ def ticks(report: Report, blocks: int) -> None:
                 session.fill(snapshot)
             if told:
                 past.ticked(asked, 0.0)
-                tap.put_tick(session)
+                tap.put_tick(row.write(session))
                 if tick % _PUBLISHED_EVERY == 0:
                     past.published(snapshot)
                     tap.put_moment(snapshot)

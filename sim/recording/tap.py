@@ -11,7 +11,7 @@ from control.timing import SLOT_COUNT
 from sim.processes.anonymous_memory import AnonymousMemory
 from sim.recording.ring import Ring, bytes_of
 from sim.runtime.snapshot import SNAPSHOT
-from sim.runtime.tick_row import TICK, TickRow
+from sim.runtime.tick_layout import TICK
 
 _log = logging.getLogger(__name__)
 
@@ -69,7 +69,7 @@ class Tap:
             rings.append(Ring(view[start : start + size], dtype, slots))
             start += _aligned(size)
         self.ticks, self.moments, self.events, self.keyframes = rings
-        self._tick, self._event, self._keyframe = TickRow(), np.zeros(1, EVENT), np.zeros(1, KEYFRAME)
+        self._event, self._keyframe = np.zeros(1, EVENT), np.zeros(1, KEYFRAME)
         self._event_bytes, self._keyframe_bytes = map(bytes_of, (self._event, self._keyframe))
 
     @property
@@ -128,9 +128,9 @@ class Tap:
         """Called in the recorder."""
         self._words[_SIZE], self._words[_MISSED] = size_bytes, missed
 
-    def put_tick(self, session: Any) -> None:
-        """Append the last tick of a session (sim.runtime.session.Session)."""
-        self.ticks.put(self._tick.write(session))
+    def put_tick(self, row: memoryview) -> None:
+        """Append a tick, given as the bytes of a TICK record (sim.runtime.tick_row)."""
+        self.ticks.put(row)
 
     def put_moment(self, snapshot: np.void) -> None:
         """Append a SNAPSHOT record of the last tick."""

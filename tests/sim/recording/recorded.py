@@ -16,6 +16,7 @@ from sim.recording.tap import Heads, Tap
 from sim.runtime.history import History
 from sim.runtime.simulation import Simulation
 from sim.runtime.snapshot import SNAPSHOT
+from sim.runtime.tick_row import TickRow
 from tests.sim.runtime.test_state_capture import setpoint
 
 START_NS = 1_790_000_000_000_000_000
@@ -33,7 +34,7 @@ def record(
     """Record `ticks` of a session; `deeds` are done before those ticks, in which `asked` is the set-point. The snapshots of
     every tenth tick.
     """
-    tap, history = Tap(tap_module.allocate()), History(session)
+    tap, history, row = Tap(tap_module.allocate()), History(session), TickRow()
     keyframes = Keyframes(tap, lambda: history.newest, keyframes_every)
     described = describe_session(session)
     tap.start("test")
@@ -55,7 +56,7 @@ def record(
         for name in (name for name in own if session.own_deeds[name] != own[name]):
             tap.put_event(name, {})
         own = dict(session.own_deeds)
-        tap.put_tick(session)
+        tap.put_tick(row.write(session))
         keyframes.ticked(session.pipeline)
         if tick % 10 == 9:
             snapshot = np.zeros(1, SNAPSHOT)[0]

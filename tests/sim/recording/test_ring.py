@@ -15,7 +15,7 @@ from sim.recording.recorder import CHUNK_TICKS, Drain, RecordingWriter
 from sim.recording.ring import Ring, bytes_of
 from sim.recording.tap import TICK_SLOTS, Heads, Tap
 from sim.runtime.snapshot import SNAPSHOT
-from sim.runtime.tick_row import TICK
+from sim.runtime.tick_layout import TICK
 
 DTYPE = np.dtype([("value", "f8"), ("odd", "u1")])
 RUN = {"name": "gap", "note": "", "started": "", "scene": "free", "estimators": "hybrid"}

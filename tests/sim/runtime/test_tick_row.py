@@ -6,7 +6,8 @@ import numpy as np
 
 from control.command.limits import DEFAULT_COMMAND
 from sim.runtime.simulation import Simulation, SimulationConfig
-from sim.runtime.tick_row import TICK, TickRow
+from sim.runtime.tick_layout import TICK
+from sim.runtime.tick_row import TickRow
 
 
 def test_a_row_written_tick_by_tick_is_one_written_afresh() -> None:
