@@ -17,8 +17,9 @@ from sim.backends.simulation.ideal_sensors import IdealSensors
 from sim.backends.simulation.sensors import SensorModel
 from sim.benchmarks.loop_headless import ESTIMATOR, ready_session
 from sim.benchmarks.report import Report
+from sim.runtime.history import History
 from sim.runtime.simulation import Simulation
-from sim.runtime.snapshot import SNAPSHOT
+from sim.runtime.snapshot import SETPOINT, SNAPSHOT
 
 EVERY_TICK = "every tick"
 
@@ -76,6 +77,8 @@ def watched_stages(session: Simulation) -> list[Stage]:
         (f"network of {ESTIMATOR}", Job.NETWORK_STEP.name, pipeline.estimators[ESTIMATOR], "_step"),
         ("snapshot", Job.SNAPSHOT.name, session, "fill"),
         ("live errors", Job.LIVE_ERRORS.name, session, "track_errors"),
+        ("history", EVERY_TICK, History, "ticked"),
+        ("history's kept moment", Job.KEPT_MOMENT.name, History, "_keep"),
     ]
     for name, estimator in pipeline.estimators.items():
         # What the selected estimator rests on is estimated at every tick too.
@@ -88,6 +91,7 @@ def watched_stages(session: Simulation) -> list[Stage]:
 def measure(session: Simulation, ticks: int) -> tuple[dict[str, dict[int, float]], np.ndarray]:
     """See Stopwatch.spent_us; and the whole duration (ticks,), us, of each tick with its jobs."""
     stopwatch, record, whole = Stopwatch(), np.zeros(1, SNAPSHOT)[0], np.empty(ticks)
+    history, setpoint = History(session), np.zeros(1, SETPOINT)[0]
     with ExitStack() as patches:
         for name, _, target, function in watched_stages(session):
             patches.enter_context(patch.object(target, function, stopwatch.watched(name, getattr(target, function))))
@@ -95,6 +99,7 @@ def measure(session: Simulation, ticks: int) -> tuple[dict[str, dict[int, float]
             stopwatch.tick = tick
             start = time.perf_counter()
             session.tick(DEFAULT_COMMAND)
+            history.ticked(setpoint, 0.0)
             if due(Job.LIVE_ERRORS, tick):
                 session.track_errors(CONTROL_PERIOD_S)
             if due(Job.SNAPSHOT, tick):
