@@ -46,7 +46,8 @@ class ArmConfig:
         force_error_limit_n: force errors beyond it add no more.
         force_velocity_feedback: share of the hand's velocity that force axes do not brake; below 1 the hand is damped.
         yield_speed_mps: a hand that is asked for no force, or feels `surprise_n` more than it is asked for, and yields faster
-            is braked by what it is faster; beyond the border by all its speed.
+            is braked by what it is faster; beyond the border by all its speed. At 0.4 m/s a hand that is pulled back and down
+            by 40 N swings far enough to brush the base.
         brake_nspm: N s/m, by which.
         brake_share: of the momentum of the hand's apparent mass that it takes at most in one period: with more it would ring.
         nearest_m: distance from the shoulder within which it does not come.
@@ -78,7 +79,7 @@ class ArmConfig:
     force_integral_gain: float = 5.0
     force_error_limit_n: float = 8.0
     force_velocity_feedback: float = 0.5
-    yield_speed_mps: float = 0.4
+    yield_speed_mps: float = 0.25
     surprise_n: float = 6.0
     brake_nspm: float = 60.0
     brake_share: float = 0.6
