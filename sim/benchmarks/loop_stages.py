@@ -92,6 +92,7 @@ def measure(session: Simulation, ticks: int) -> tuple[dict[str, dict[int, float]
     """See Stopwatch.spent_us; and the whole duration (ticks,), us, of each tick with its jobs."""
     stopwatch, record, whole = Stopwatch(), np.zeros(1, SNAPSHOT)[0], np.empty(ticks)
     history, setpoint = History(session), np.zeros(1, SETPOINT)[0]
+    history.ticked(setpoint, 0.0)  # the first moment is kept at once
     with ExitStack() as patches:
         for name, _, target, function in watched_stages(session):
             patches.enter_context(patch.object(target, function, stopwatch.watched(name, getattr(target, function))))

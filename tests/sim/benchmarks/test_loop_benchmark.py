@@ -4,11 +4,12 @@ from control.timing import SLOT_COUNT, Job, slots
 from sim.benchmarks.loop_headless import ready_session
 from sim.benchmarks.loop_stages import EVERY_TICK, Stopwatch, stages, watched_stages
 from sim.benchmarks.report import Report
+from sim.runtime.history import HALF_SECOND
 
 
 def test_every_job_of_the_timetable_has_a_stage_that_runs_in_its_slots_alone() -> None:
     report = Report("loop", seed=0)
-    stages(report, 3 * SLOT_COUNT)
+    stages(report, HALF_SECOND + SLOT_COUNT)
     rows = [row for row in report.rows if row["case"] == "stage"]
     ran: dict[str, set[int]] = {}
     for row in rows:
