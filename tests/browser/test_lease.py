@@ -52,7 +52,9 @@ def test_one_drives_the_others_see_who_and_anyone_stops(two: tuple[Client, Clien
     eventually(lambda: first.text("driver") == name_of(second), "the first sees it")
     second.page.get_by_test_id("pause").click()
     api.until(lambda state: state["mode"] == "paused", "the new driver's button acts")
+    eventually(lambda: second.text("pause") == "Resume", "the button says what it does next")
     second.page.get_by_test_id("pause").click()
+    api.until(lambda state: state["mode"] == "running", "it acts again")
 
     first.page.get_by_test_id("estop").click()
     api.until(lambda state: state["mode"] == "estop", "who watches may stop")

@@ -32,7 +32,9 @@ def test_the_base_velocity_and_its_stop(client: Client, api: Api) -> None:
 
 
 def test_a_slider_moves_by_its_keys(client: Client, api: Api) -> None:
-    client.field("ahead [m/s]").get_by_role("slider").press("ArrowRight")
+    slider = client.field("ahead [m/s]").get_by_role("slider")
+    eventually(lambda: slider.get_attribute("aria-valuenow") == "0", "the page shows the reset")
+    slider.press("ArrowRight")
     api.until(lambda state: state["command"]["base_velocity"][0] == pytest.approx(0.05), "one step ahead")
 
 
