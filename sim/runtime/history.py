@@ -192,6 +192,8 @@ class History:
             if number in published:  # some readings count from one to the next
                 session.readings()
         self._last = tick
+        # What was asked later is written over, so that set-points never outnumber the ticks they are kept for.
+        self._setpoint, self._setpoint_count = None, self._setpoint_of_tick[tick % len(self._ages_s)]
         self._snapshot_ticks[self._snapshot_ticks > tick] = -1
         self._shown = None
         self.branch += 1

@@ -116,6 +116,20 @@ def test_it_forgets_what_is_older_than_its_window(monkeypatch: pytest.MonkeyPatc
     assert run.tick == 400
 
 
+def test_going_back_again_and_again_loses_nothing_that_was_asked_before(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(history_module, "_WINDOW", 300)
+    run = Run()
+    run.forward(400)
+    recorded = dict(run.records)
+    for _ in range(3):  # more ticks than the history has room for
+        run.history.go_back(150 * TICK_S)
+        run.forward(250)
+    run.history.go_back(120 * TICK_S)
+    run.records.clear()
+    run.forward(60)
+    assert run.records.items() <= recorded.items()
+
+
 def test_a_controller_that_does_not_say_what_it_carries_is_named() -> None:
     class Stateful:
         def reset(self) -> None: ...
