@@ -77,7 +77,7 @@ class ControlLoop:
         self._session = session
         self._events = SessionEvents(session)
         self._history = History(session) if isinstance(session, Simulation) else None
-        self._history_events = HistoryEvents(session, self._history)
+        self._history_events = HistoryEvents(session, self._history, self._heed_estop)
         self._tap = tap or Tap(tap_module.allocate())
         self._row = TickRow()
         self._tapped_ticks = 0  # of the recording, when its last moment was put
@@ -86,6 +86,7 @@ class ControlLoop:
         self._state = state
         self._setpoints = setpoints
         self._estops = estops
+        self._heeded_estop = False  # told as latched, before it is
         self._port = EventPort(pipe)
         self._pacer = pacer
         self._run = RunControl(running=not paused)
@@ -140,6 +141,16 @@ class ControlLoop:
         self._end_step("the e-stop was pressed")
         self._urgent_publish = True
         return asked, self._session.mode
+
+    def _heed_estop(self) -> None:
+        """Confirm an e-stop while the past is made again: nothing goes on from what comes of that before it is latched."""
+        if not self._estops.pending:
+            return
+        asked = self._estops.asked
+        self._heeded_estop = True
+        self._record["mode"] = Mode.ESTOP
+        self._send_snapshot()
+        self._estops.take(asked, Mode.ESTOP)
 
     def _answer(self) -> None:
         for event, outcome, value in self._answers:
@@ -207,10 +218,6 @@ class ControlLoop:
         if history is not None:
             record["history_start_s"], record["history_end_s"] = history.start_s, history.end_s
             record["branch"], record["past"] = history.branch, past is not None
-        self._sequence += 1
-        record["sequence"] = self._sequence
-        record["wall_time_s"] = time.time()
-        record["published_s"] = time.monotonic()
         record["failure"] = (self._failure or "").encode()
         if self._failure is not None and record["mode"] != Mode.ESTOP:
             record["mode"] = Mode.FAULT
@@ -234,13 +241,20 @@ class ControlLoop:
         tap = self._tap
         record["recording"] = tap.name if tap.active else b""
         record["recording_s"], record["recording_bytes"] = TICK_S * tap.count, tap.size_bytes
-        self._state.write(self._snapshot)
+        self._send_snapshot()
         if tap.active and past is None and tap.count > self._tapped_ticks:
             self._tapped_ticks = tap.count
             tap.put_moment(record)
         if history is not None and past is None:
             history.published(record)
         self._urgent_publish = False
+
+    def _send_snapshot(self) -> None:
+        self._sequence += 1
+        self._record["sequence"] = self._sequence
+        self._record["wall_time_s"] = time.time()
+        self._record["published_s"] = time.monotonic()
+        self._state.write(self._snapshot)
 
     def _serve_events(self) -> None:
         while (event := self._port.receive()) is not None:
@@ -325,7 +339,13 @@ class ControlLoop:
     def _look_back(self, event: Event) -> dict[str, Any]:
         if event.name == BRANCH and self._tap.active:
             raise EventError(Outcome.REFUSED, "a recording is under way, and time runs on in it; stop it first")
-        value = self._history_events.carry_out(event.name, event.arguments, running=self._run.running)
+        try:
+            value = self._history_events.carry_out(event.name, event.arguments, running=self._run.running)
+        finally:
+            if self._heeded_estop:
+                self._heeded_estop = False
+                self._session.estop()
+                self._happened("estop", self._session.estop, {})
         if event.name == BRANCH:
             self._pacer.excuse()
             self._end_step("the simulation was set back")

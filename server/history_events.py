@@ -1,6 +1,6 @@
 """Edge events about the past of a simulation, by name: look at a moment, and go on from one."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -24,11 +24,13 @@ class HistoryEvents:
     Args:
         session: what is set back.
         history: of it; None where it has none.
+        meanwhile: see History.go_back.
     """
 
-    def __init__(self, session: Any, history: History | None) -> None:
+    def __init__(self, session: Any, history: History | None, meanwhile: Callable[[], None]) -> None:
         self._session = session
         self._history = history
+        self._meanwhile = meanwhile
 
     def carry_out(self, name: str, arguments: Mapping[str, Any], *, running: bool) -> dict[str, Any]:
         """Answers the fields of server.answers.history.
@@ -61,7 +63,7 @@ class HistoryEvents:
         mass_scale: float | None = None,
     ) -> dict[str, Any]:
         session: Simulation = self._session
-        history.go_back(time_s)
+        history.go_back(time_s, self._meanwhile)
         if controller is not None:
             self._do(session.select_controller, name=controller)
         if estimator is not None or gains is not None:

@@ -158,10 +158,11 @@ class History:
             index = int(np.where(ticks >= 0, ticks, np.iinfo(ticks.dtype).max).argmin())
         self._shown = self._snapshots[index].copy()
 
-    def go_back(self, time_s: float | None) -> None:
+    def go_back(self, time_s: float | None, meanwhile: Callable[[], None] = lambda: None) -> None:
         """Set the session back to a moment, by default the one that is shown. What came after it is forgotten.
 
-        A latched e-stop stays latched.
+        A latched e-stop stays latched. `meanwhile` is called after every tick that is made again, and must leave the session
+        alone.
 
         Raises:
             HistoryTimeError: nothing is kept of then.
@@ -191,6 +192,7 @@ class History:
             session.tick_setpoint(self._setpoints[self._setpoint_of_tick[slot] % len(self._setpoints)], self._ages_s[slot])
             if number in published:  # some readings count from one to the next
                 session.readings()
+            meanwhile()
         self._last = tick
         # What was asked later is written over, so that set-points never outnumber the ticks they are kept for.
         self._setpoint, self._setpoint_count = None, self._setpoint_of_tick[tick % len(self._ages_s)]

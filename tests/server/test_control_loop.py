@@ -20,6 +20,7 @@ from server.pacing import Pacer
 from server.state import failure, faults
 from sim.processes import shared_record
 from sim.processes.shared_record import SharedRecord
+from sim.runtime.simulation import Simulation
 from sim.runtime.snapshot import SETPOINT, SNAPSHOT, Mode, command_to_record
 from tests.server.fake_session import FakeSession
 
@@ -29,7 +30,9 @@ CONTEXT = multiprocessing.get_context("spawn")
 class Bench:
     """A loop with both ends of everything it is connected to."""
 
-    def __init__(self, *, paused: bool = False, state: SharedRecord | None = None) -> None:
+    def __init__(
+        self, *, paused: bool = False, state: SharedRecord | None = None, simulation: Simulation | None = None
+    ) -> None:
         self.session = FakeSession()
         self.state = state or SharedRecord(shared_record.allocate(SNAPSHOT), SNAPSHOT)
         self.setpoints = SharedRecord(shared_record.allocate(SETPOINT), SETPOINT)
@@ -38,7 +41,7 @@ class Bench:
         self.theirs: Connection = theirs
         self.pacer = Pacer(TICK_S, lambda: 0.0, lambda _: None)
         self.loop = ControlLoop(
-            self.session,
+            simulation or self.session,
             self.state,
             self.setpoints,
             self.estops,
@@ -203,6 +206,32 @@ def test_the_estop_has_its_turn_between_two_slow_events(paused: Bench) -> None:
     paused.estops.ask()
     paused.turn(2)
     assert [call[0] for call in paused.session.calls if call[0] != "track_errors"] == ["reset", "estop", "reset", "reset"]
+
+
+def test_the_estop_is_told_as_latched_while_the_past_is_made_again_and_acts_on_what_comes_of_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    simulation = Simulation()
+    bench = Bench(simulation=simulation)
+    bench.turn(300)
+    there = simulation.backend.data.qpos.copy()
+    bench.turn(100)
+    bench.ask("run", state="paused", speed=None)
+    tick, told = simulation.tick_setpoint, list[tuple[bool, bool, bool]]()
+
+    def watched(*inputs: Any) -> None:
+        if not told:
+            bench.estops.ask()
+        told.append((bench.estops.pending, bench.snapshot["mode"] == Mode.ESTOP, simulation.pipeline.estop_latched))
+        tick(*inputs)
+
+    monkeypatch.setattr(simulation, "tick_setpoint", watched)
+    assert bench.ask("branch", time_s=300 * TICK_S).outcome is Outcome.DONE
+    assert told[0] == (True, False, False)
+    assert set(told[1:]) == {(False, True, False)}
+    assert simulation.pipeline.estop_latched
+    assert bench.snapshot["mode"] == Mode.ESTOP
+    np.testing.assert_array_equal(simulation.backend.data.qpos, there)
 
 
 def test_clearing_the_estop_in_a_hold_answers_the_hold(paused: Bench) -> None:
