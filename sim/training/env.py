@@ -40,16 +40,20 @@ PRIVILEGED_SIZE = 23
 _ALL = slice(None)
 
 _MEMORYLESS = (PAPER_FORM, MEMORYLESS_FORM)
+INTEGRAL_FREE_FORCE_GAIN = 0.8
+"""N/N. At 1.2 stiff contact begins to ring, at 1.8 it does."""
 
 
 def imitated(form: str) -> ModelBasedConfig:
     """The model-based controller without what robots that imitate it cannot follow: the approach to contact, the load that axes
     in motion carry, a stance far ahead of the wheels, and integrals that observations of a form do not tell. Those grow to
-    their bounds, and nobody learns anything but these.
+    their bounds, and nobody learns anything but these. What the force integral did is left to a higher gain: without, the
+    teacher itself misses 10 N by 1.0 N, with it by 0.7.
     """
     arm, wheels = replace(ArmConfig(), contact_share=0.0, load_gain=0.0), WheelConfig()
     if form in _MEMORYLESS:
-        arm, wheels = replace(arm, integral_gain=0.0, force_integral_gain=0.0), replace(wheels, yaw_integral_gain=0.0)
+        arm = replace(arm, integral_gain=0.0, force_integral_gain=0.0, force_gain=INTEGRAL_FREE_FORCE_GAIN)
+        wheels = replace(wheels, yaw_integral_gain=0.0)
     return ModelBasedConfig(arm=arm, wheels=wheels, stance=StanceConfig(lead_m=0.01))
 
 
