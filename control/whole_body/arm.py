@@ -64,6 +64,8 @@ class ArmConfig:
         approach_speed_limit_mps: of that speed.
         load_gain: share of the estimated force that axes in motion carry, so that a load deflects them less.
         load_limit_n: of that share.
+        still_share: of position_gain that is left to a still axis of a pressing hand, which its friction holds: with all of it
+            the hand, caught a centimetre off its reference, pushes there by 2 N and more.
         limit_margin_rad: joints this close to an end are not driven further.
     """
 
@@ -96,6 +98,7 @@ class ArmConfig:
     approach_speed_limit_mps: float = 0.3
     load_gain: float = 0.8
     load_limit_n: float = 10.0
+    still_share: float = 0.4
     limit_margin_rad: float = 0.1
 
 
@@ -187,7 +190,8 @@ def _reference_twist(
     for i in range(3):
         error = command.position_m[i] - signals.hand_position[i]
         error = clip(error, -arm.position_error_limit_m, arm.position_error_limit_m)
-        tracking = memory.reference_velocity[i] + arm.position_gain * error - rocking[i]
+        held = arm.position_gain * (1.0 - (1.0 - arm.still_share) * memory.released[i])
+        tracking = memory.reference_velocity[i] + held * error - rocking[i]
         approach = clip(-arm.approach_gain * command.force_n[i], -arm.approach_speed_limit_mps, arm.approach_speed_limit_mps)
         # Where nothing is met, the search ends at the border of the workspace.
         to_lower = arm.position_gain * (arm.workspace[0, i] - signals.hand_position[i])

@@ -201,3 +201,24 @@ def test_a_hand_that_yields_fast_is_braked_and_a_slow_one_is_not(model, axis):
         added.append(float((torques[0] - torques[1]) @ joint_velocity[ARM_SLICE]))
     assert added[0] == pytest.approx(0.0, abs=1e-9)
     assert added[1] < -0.01
+
+
+def test_a_still_axis_of_a_pressing_hand_pushes_less_for_where_it_is_off(model):
+    """Friction holds it there; a reference that moves is followed with all of the gain."""
+    tick, config = inputs(model), replace(ArmConfig(), integral_gain=0.0)
+    mask = np.array([0.0, 0.0, 1.0])
+    pressing = hand_command(tick, mask=mask, force_n=15.0 * mask)
+    off = replace(pressing, position_m=pressing.position_m + np.array([0.01, 0.0, 0.0]))
+    rows = model.joint_rows[ARM_SLICE]
+    apparent = config.velocity_gain * model.mass_matrix[np.ix_(rows, rows)] + np.diag(DAMPING[ARM_SLICE])
+
+    def speed(periods):
+        laws = [Law(RobotModel(), ModelBasedConfig(arm=config)) for _ in range(2)]
+        torques = []
+        for law, command in zip(laws, (pressing, off), strict=True):
+            pressed = replace(tick, command=command, force_estimated_n=15.0 * mask)
+            torques.append([law.arm_torque(pressed) for _ in range(periods)][-1])
+        return (model.end_effector_jacobian[:3, rows] @ np.linalg.solve(apparent, torques[1] - torques[0]))[0]
+
+    assert speed(100) == pytest.approx(config.still_share * speed(1), rel=0.05)
+    assert speed(1) == pytest.approx(0.01 * config.position_gain, rel=0.1)
