@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from control.command.axis_mask import CONTACT_NOISE_N
 from control.joints import WHEEL_RADIUS_M
 from control.kernels.compiled import kernel
 from control.kernels.records import config_record, packed, record
@@ -27,7 +26,9 @@ class TaskMemoryConfig:
     """Attributes:
     position_limit_ms: m s, of the integrated position error.
     force_error_limit_n: force errors beyond it are not integrated.
-    rest_force_n: a force felt that is smaller leaves a hand at rest that is asked for no force.
+    rest_force_n: a force felt, smoothed, that is smaller leaves a hand at rest that is asked for no force: an estimate may be
+        off by as much for minutes, and what its noise adds shall not move the hand little by little.
+    felt_s: time constant of that smoothing.
     force_limit_ns: N s, of the integrated force error.
     still_mps: slower, a position reference stands still.
     still_s: after which a standing axis of a pressing hand lets go what friction holds.
@@ -39,7 +40,8 @@ class TaskMemoryConfig:
 
     position_limit_ms: float = 0.03
     force_error_limit_n: float = 8.0
-    rest_force_n: float = CONTACT_NOISE_N
+    rest_force_n: float = 1.5
+    felt_s: float = 0.2
     force_limit_ns: float = 1.2
     still_mps: float = 0.002
     still_s: float = 0.5
@@ -60,6 +62,7 @@ TASK_MEMORY = record(
     wheel_hold=4,
     steering_traction=(),
     reference=3,
+    felt=3,
     anchor=3,
     rest=3,
     still_s=3,
@@ -72,11 +75,12 @@ TASK_MEMORY = record(
 
 Fields:
     position_integral: m s; zero on force axes.
-    force_integral: N s; zero on position axes.
+    force_integral: N s; zero on position axes; fades where no force is asked for and none is felt.
     yaw_integral: rad; zero without a yaw command.
     reference_velocity: m/s, of the position reference; zero on force axes.
     wheel_hold: rad, held wheel angle minus angle; zero while driving.
     steering_traction: N, mean push of the left wheels against the right ones.
+    felt: N, the estimated force, smoothed.
     rest: m, where the hand was last moved to by a force on an axis that is asked for none.
     still_s: s, since the position reference moved.
     released: share, 0 to 1, by which a position axis carries no load: that of a pressing hand whose reference stands still,
@@ -101,7 +105,12 @@ def _remember(config: np.record, signals: np.record, memory: np.record) -> None:
         # So large an error means that there is no contact yet: the integral waits.
         error = force_error(signals, i)
         error = error if abs(error) <= config.force_error_limit_n else 0.0
-        integral = memory.force_integral[i] + CONTROL_PERIOD_S * error
+        memory.felt[i] += CONTROL_PERIOD_S / config.felt_s * (signals.force_estimated_n[i] - memory.felt[i])
+        led = abs(memory.felt[i]) > config.rest_force_n
+        if command.force_n[i] != 0.0 or led:
+            integral = memory.force_integral[i] + CONTROL_PERIOD_S * error
+        else:
+            integral = (1.0 - CONTROL_PERIOD_S / config.release_s) * memory.force_integral[i]
         memory.force_integral[i] = on_force * clip(integral, -config.force_limit_ns, config.force_limit_ns)
 
         position = command.position_m[i]
@@ -114,7 +123,7 @@ def _remember(config: np.record, signals: np.record, memory: np.record) -> None:
         memory.position_integral[i] *= 1.0 - memory.released[i] * CONTROL_PERIOD_S / config.release_s
         if on_force < 0.5 or command.force_n[i] != 0.0 or memory.started == 0.0:
             memory.anchor[i] = memory.rest[i] = signals.hand_position[i]
-        elif abs(signals.force_estimated_n[i]) > config.rest_force_n:
+        elif led:
             memory.rest[i] = signals.hand_position[i]
     memory.started = 1.0
 

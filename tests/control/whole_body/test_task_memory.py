@@ -112,13 +112,31 @@ def test_a_hand_asked_for_no_force_rests_where_a_force_last_moved_it():
     def at(x, felt):
         return signals(command_mask=1.0, hand_position=(x, 0.0, 0.5), force_estimated_n=(felt, 0.0, 0.0))
 
+    settle = round(5.0 * CONFIG.felt_s / CONTROL_PERIOD_S)
     remembered([at(0.50, 0.0)], memory)
-    noise = remembered([at(0.52, 0.5 * CONFIG.rest_force_n)], memory)
-    assert (noise["anchor"][0], noise["rest"][0]) == (0.50, 0.50)
-    led = remembered([at(0.55, 5.0 * CONFIG.rest_force_n), at(0.56, 0.0)], memory)
+    led = remembered([at(0.55, 5.0 * CONFIG.rest_force_n)] * settle, memory)
     assert (led["anchor"][0], led["rest"][0]) == (0.50, 0.55)
+    left = remembered([at(0.55, 0.0)] * settle + [at(0.56, 0.0)], memory)
+    assert (left["anchor"][0], left["rest"][0]) == (0.50, 0.55)
     tracking = remembered([signals(hand_position=(0.58, 0.0, 0.5))], memory)
     assert (tracking["anchor"][0], tracking["rest"][0]) == (0.58, 0.58)
+
+
+def test_an_estimate_that_is_off_by_less_than_a_touch_moves_nothing_however_noisy_and_long():
+    memory, random = TaskMemory(CONFIG), np.random.default_rng(4)
+    for step, noise in enumerate(0.3 * CONFIG.rest_force_n * random.standard_normal(3000)):
+        felt = -0.7 * CONFIG.rest_force_n + noise
+        memory.step(signals(command_mask=1.0, hand_position=(0.5 - 1e-5 * step, 0.0, 0.5), force_estimated_n=(felt, 0.0, 0.0)))
+    assert memory.values["rest"][0, 0] == pytest.approx(0.5)
+    assert abs(memory.values["force_integral"][0, 0]) < 0.1
+
+
+def test_what_led_a_hand_is_forgotten_once_nothing_is_felt():
+    memory = TaskMemory(CONFIG)
+    led = remembered([signals(command_mask=1.0, force_estimated_n=(4.0, 0.0, 0.0))] * 200, memory)
+    assert led["force_integral"][0] == pytest.approx(CONFIG.force_limit_ns)
+    left = remembered([signals(command_mask=1.0)] * round(10.0 * CONFIG.release_s / CONTROL_PERIOD_S), memory)
+    assert left["force_integral"][0] == pytest.approx(0.0, abs=1e-3)
 
 
 def test_many_robots_remember_as_each_does_alone_and_one_forgets_alone():
