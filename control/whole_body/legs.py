@@ -27,8 +27,8 @@ class LegConfig:
         sway_damping: N s/m, of the base's planar velocity error. A sudden pull back and up on a floor that rises leans a light
             robot by one degree more at 100.
         tilt_stiffness: N m per unit of sine of the tilt, beside that of the legs' drives. A sudden pull aside rolls a light
-            robot by up to 10.7 degrees at 20, 9.3 at 60, 7.7 at 120; but a hand that leads has to lean the trunk with it: at 120
-            it pulls by up to 15 N, at 20 by 10.
+            robot by up to 10.7 degrees at 20, 9.3 at 60, 7.7 at 120; but a hand that leads has to lean the trunk with it: at
+            120 it pulls by up to 15 N, at 20 by 10.
         tilt_damping: N m s/rad. Without it the trunk rocks at about 1 Hz, and jerks at that rate lift its wheels and fell it;
             from 22 on, a trunk whose drives act 10 ms late begins to shake.
         posture_gain: share of the leg's position error that is added to its target, beside the drive's own.
