@@ -3,6 +3,7 @@
 import json
 import os
 import signal
+import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 
@@ -10,6 +11,7 @@ import httpx
 import pytest
 from websockets.sync.client import connect
 
+from server.admission import MAX_BURST, MAX_RATE_HZ
 from server.body_limit import MAX_BODY_BYTES
 from server.errors import ControlTimeoutError
 from server.event_channel import MAX_PENDING
@@ -35,6 +37,7 @@ def stuck(server: RunningServer) -> Iterator[RunningServer]:
         with pytest.raises(ControlTimeoutError):  # then all are there that will be
             while True:
                 server.operator.client.submit("list_wrenches").cancel()
+        time.sleep(MAX_BURST / MAX_RATE_HZ)  # the callers have used up what is served at once
         yield server
         server.http.post("/api/v1/control/restart", json={"force": True}).raise_for_status()
 
