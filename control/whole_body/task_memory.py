@@ -27,7 +27,7 @@ class TaskMemoryConfig:
     position_limit_ms: m s, of the integrated position error.
     force_error_limit_n: force errors beyond it are not integrated.
     rest_force_n: a force felt, smoothed, that is smaller leaves a hand at rest that is asked for no force: an estimate may be
-        off by as much for minutes, and what its noise adds shall not move the hand little by little.
+        off by as much for half a minute, and what its noise adds shall not move the hand little by little.
     felt_s: time constant of that smoothing.
     force_limit_ns: N s, of the integrated force error.
     still_mps: slower, a position reference stands still.
