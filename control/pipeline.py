@@ -120,6 +120,7 @@ class Pipeline:
     """Steps at 500 Hz from a sensor frame to a joint command. Holds no clock and sees no simulator.
 
     Attributes:
+        estimator_names: force estimators that run side by side.
         bases: the estimator from whose estimate another one makes its own, by the name of the other one.
         hand_load: tool and tare.
         shown_slots: slot of the timetable in which each estimator but the selected one is shown.
@@ -159,6 +160,7 @@ class Pipeline:
         self._base_state = BaseStateEstimator(config.base_state, self.model)
         self._odometry = WheelOdometry(config.odometry, self.model)
         self._estimators = make_estimators(self.model, config.estimators)
+        self.estimator_names = tuple(self._estimators)
         self.bases = bases(self._estimators)
         self._observed = adaptive_of(self._estimators)
         self._controllers: dict[str, Controller] = {"model_based": ModelBasedController(self.model)}
@@ -188,11 +190,6 @@ class Pipeline:
     def controllers(self) -> Mapping[str, Controller]:
         """The controllers themselves, by name, for those that show what is inside."""
         return MappingProxyType(self._controllers)
-
-    @property
-    def estimator_names(self) -> tuple[str, ...]:
-        """Force estimators that run side by side."""
-        return tuple(self._estimators)
 
     @property
     def estimators(self) -> Mapping[str, ForceEstimator]:

@@ -130,7 +130,7 @@ class History:
             self._setpoints[self._setpoint_count % len(self._setpoints)] = setpoint
         self._setpoint_of_tick[slot], self._ages_s[slot] = self._setpoint_count, age_s
         self._shown = None
-        if not self._kept or (due(Job.KEPT_MOMENT, self._last - 1) and self._last - self._kept[-1].tick > _ALMOST):
+        if not self._kept or (self._last - self._kept[-1].tick > _ALMOST and due(Job.KEPT_MOMENT, self._last - 1)):
             self._keep()
 
     def published(self, snapshot: np.void) -> None:
