@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import is_dataclass
 from enum import Enum
 from functools import cache
+from itertools import islice
 from operator import attrgetter
 from pathlib import PurePath
 from typing import Any, NamedTuple
@@ -70,10 +71,11 @@ class Moment:
     __slots__ = ("_arrays", "_carriers", "_contents", "_dicts", "_generators", "_lists", "_plans", "_seen", "_values")
 
     def __init__(self, *roots: object) -> None:
-        # Lists side by side, not one of tuples: the fewer objects are made, the rarer the garbage collector looks at them.
+        # Lists side by side, with the values of all objects in one: the fewer objects are made, the rarer the garbage
+        # collector looks at them, which costs as much as half of a moment.
         self._carriers: list[Any] = []
         self._plans: list[_Plan] = []
-        self._values: list[tuple[Any, ...]] = []
+        self._values: list[Any] = []
         self._arrays: list[np.ndarray] = []
         self._contents: list[bytes] = []
         self._dicts: list[tuple[dict[Any, Any], dict[Any, Any]]] = []
@@ -85,9 +87,10 @@ class Moment:
 
     def restore(self) -> None:
         """Put it back. May be called again later."""
-        for carrier, plan, values in zip(self._carriers, self._plans, self._values, strict=True):
-            for name, value in zip(plan.names, values, strict=True):
-                setattr(carrier, name, value)
+        values = iter(self._values)
+        for carrier, plan in zip(self._carriers, self._plans, strict=True):
+            for name in plan.names:
+                setattr(carrier, name, next(values))
         for array, content in zip(self._arrays, self._contents, strict=True):
             np.copyto(array, content_of(array, content))
         for mapping, items in self._dicts:
@@ -106,8 +109,10 @@ class Moment:
         """What was held then, by the `id` of what held it: values of an object in the order of `state_names`, bytes of an
         array, items of a dict, a list or a deque.
         """
+        values = iter(self._values)
+        carried = [tuple(islice(values, len(plan.names))) for plan in self._plans]
         held: dict[int, Any] = {}
-        for holders, contents in ((self._carriers, self._values), (self._arrays, self._contents)):
+        for holders, contents in ((self._carriers, carried), (self._arrays, self._contents)):
             held |= zip(map(id, holders), contents, strict=True)
         for pairs in (self._dicts, self._lists):
             held |= {id(holder): content for holder, content in pairs}
@@ -145,7 +150,7 @@ class Moment:
             raise StateError(f"STATE names what is not there: {error}") from None
         self._carriers.append(carrier)
         self._plans.append(plan)
-        self._values.append(values)
+        self._values.extend(values)
         try:
             self._take_all(values)
         except StateError as error:
