@@ -15,7 +15,7 @@ from control.baselines.method import Method
 from control.baselines.portela import ESTIMATOR_HIDDEN
 from control.baselines.zhi import ENCODER_HIDDEN, FEATURES, HEAD_HIDDEN
 from control.joints import JOINT_COUNT
-from control.learning.policy.actor_critic import CRITIC_HIDDEN, ActorCritic, mlp
+from control.learning.policy.actor_critic import CRITIC_HIDDEN, ActorCritic, imitation_error, mlp
 
 
 class BaselineActorCritic(ActorCritic, ABC):
@@ -50,8 +50,8 @@ class BaselineActorCritic(ActorCritic, ABC):
         return [p for name, p in self.named_parameters() if not name.startswith("critic") and name != "log_std"]
 
     def imitation_loss(self, observations: torch.Tensor, labels: torch.Tensor) -> torch.Tensor:
-        """Huber loss of the actions and mean square of the estimates; `labels` (n, actions + targets)."""
-        actions = nn.functional.huber_loss(self.mean(observations, imitating=True), labels[:, :JOINT_COUNT])
+        """See imitation_error, and mean square of the estimates; `labels` (n, actions + targets)."""
+        actions = imitation_error(self.mean(observations, imitating=True), labels[:, :JOINT_COUNT])
         return actions + self.estimation_loss(observations, labels[:, JOINT_COUNT:], imitating=True)
 
     def estimation_loss(self, observations: torch.Tensor, targets: torch.Tensor, imitating: bool = False) -> torch.Tensor:
@@ -125,7 +125,7 @@ class ZhiActorCritic(BaselineActorCritic):
         features = self._features(observations, imitating=True)
         acting = super(BaselineActorCritic, self).mean(torch.cat([self._newest(observations), features], dim=1), True)
         estimates = self._through(self.head_trunk, self.head, features, torch.bfloat16)
-        actions = nn.functional.huber_loss(acting, labels[:, :JOINT_COUNT])
+        actions = imitation_error(acting, labels[:, :JOINT_COUNT])
         return actions + nn.functional.mse_loss(estimates, labels[:, JOINT_COUNT:])
 
     def arrays(self) -> dict[str, np.ndarray]:

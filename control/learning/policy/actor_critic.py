@@ -13,6 +13,10 @@ HIDDEN = (512, 256, 128)
 CRITIC_HIDDEN = (256, 128)
 """Of the critic. One of the actor's size takes three times as long and explains the returns no sooner."""
 
+TYPICAL_ERROR = 0.2
+"""Units of action, beyond which an error of imitation counts by its size, not its square. Robots whose arm rests on a stop,
+where no torque matters, are few and their errors twenty times as large: squared, they would be most of the loss."""
+
 VALUE_HEADS = 2
 _LOG_SQRT_TWO_PI = 0.5 * math.log(2.0 * math.pi)
 
@@ -63,6 +67,11 @@ def bfloat16_pays() -> bool:
         return min(times_s)
 
     return fastest_s(torch.bfloat16) < fastest_s(torch.float32)
+
+
+def imitation_error(actions: torch.Tensor, labels: torch.Tensor) -> torch.Tensor:
+    """Huber loss of actions (n, a) against a teacher's (n, a), of slope 1 beyond TYPICAL_ERROR."""
+    return nn.functional.huber_loss(actions, labels, delta=TYPICAL_ERROR) / TYPICAL_ERROR
 
 
 def mlp(inputs: int, hidden: tuple[int, ...]) -> nn.Sequential:
@@ -134,8 +143,8 @@ class ActorCritic(nn.Module):
         return [*self.actor_trunk.parameters(), *self.actor_head.parameters()]
 
     def imitation_loss(self, observations: torch.Tensor, labels: torch.Tensor) -> torch.Tensor:
-        """Huber loss of the mean actions against the teacher's, `labels` (n, a)."""
-        return nn.functional.huber_loss(self.mean(observations, imitating=True), labels)
+        """See imitation_error; `labels` (n, a)."""
+        return imitation_error(self.mean(observations, imitating=True), labels)
 
     def actor_parameters(self) -> list[nn.Parameter]:
         """What the policy gradient trains."""
