@@ -43,14 +43,14 @@ _MEMORYLESS = (PAPER_FORM, MEMORYLESS_FORM)
 
 
 def imitated(form: str) -> ModelBasedConfig:
-    """The model-based controller without what robots that imitate it cannot follow: the load that axes in motion carry, a
-    stance far ahead of the wheels, and integrals that observations of a form do not tell. Those grow to their bounds, and
-    nobody learns anything but these. What the force integral did is left to a higher gain, braked less. From 0.6 on, or
-    without the approach to contact, a hand with all axes on force rings on a soft spring.
+    """The model-based controller without what robots that imitate it cannot follow: the approach to contact, the load that axes
+    in motion carry, a stance far ahead of the wheels, and integrals that observations of a form do not tell. Those grow to
+    their bounds, and nobody learns anything but these. What the force integral did is left to a higher gain, braked less. From
+    0.5 on a hand with all axes on force rings on a soft spring.
     """
-    arm, wheels = replace(ArmConfig(), load_gain=0.0), WheelConfig()
+    arm, wheels = replace(ArmConfig(), contact_share=0.0, load_gain=0.0), WheelConfig()
     if form in _MEMORYLESS:
-        arm = replace(arm, integral_gain=0.0, force_integral_gain=0.0, force_gain=0.4, force_velocity_feedback=0.6)
+        arm = replace(arm, integral_gain=0.0, force_integral_gain=0.0, force_gain=0.35, force_velocity_feedback=0.6)
         wheels = replace(wheels, yaw_integral_gain=0.0)
     return ModelBasedConfig(arm=arm, wheels=wheels, stance=StanceConfig(lead_m=0.01))
 

@@ -20,6 +20,9 @@ class DaggerConfig:
     updates, batch: gradient steps per environment step, and their size.
     learning_rate, final_rate: held for the first half, then a straight line to the end.
     exploration: standard deviation of noise on the student's actions.
+    drift, drift_memory: of further noise that lasts, by its correlation of one step and the next. Without, a student that is
+        not told the masses of its robot blames what it feels on them: where it presses too hard the arm must be light, and it
+        presses harder still. With, most of what it feels has nothing to do with masses.
     """
 
     steps: int = 3000
@@ -30,6 +33,8 @@ class DaggerConfig:
     learning_rate: float = 1e-3
     final_rate: float = 3e-5
     exploration: float = 0.05
+    drift: float = 0.15
+    drift_memory: float = 0.98
 
     def rate(self, step: int) -> float:
         """Learning rate at an environment step."""
@@ -92,7 +97,7 @@ def imitate(
     count, size = env.observation.shape
     ring = samples
     generator = np.random.default_rng(int(torch.randint(0, 2**31, ()).item()))
-    loss_mean = float("nan")
+    loss_mean, drift = float("nan"), np.zeros(())
     for step in range(start, config.steps):
         observation = torch.from_numpy(env.observation)
         label = env.teacher_action()
@@ -101,7 +106,9 @@ def imitate(
         ring.add(observation, torch.from_numpy(label.astype(np.float32)))
         with torch.inference_mode():
             own = network.mean(observation).numpy()
-        own = own + config.exploration * generator.standard_normal(own.shape)
+        white = generator.standard_normal((2, *own.shape))
+        drift = config.drift_memory * drift + np.sqrt(1.0 - config.drift_memory**2) * white[0]
+        own = own + config.exploration * white[1] + config.drift * drift
         by_teacher = generator.random(count) < 1.0 - step / config.teacher_steps
         env.step(np.where(by_teacher[:, None], label, own))
         for group in optimizer.param_groups:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from control.learning.policy.actor_critic import VALUE_HEADS, ActorCritic
+from control.learning.policy.actor_critic import TYPICAL_ERROR, VALUE_HEADS, ActorCritic, imitation_error
 from control.learning.policy.dagger import DaggerConfig, SampleRing, imitate
 from control.learning.policy.ppo import Ppo, PpoConfig, Rollout, advantages, combined_advantage, policy_loss, value_loss
 
@@ -26,6 +26,16 @@ def rollout(rewards, values, dones) -> Rollout:
         dones=torch.tensor(dones)[:, None],
         before=nothing[0],
     )
+
+
+def test_rare_large_errors_of_imitation_pull_no_harder_than_typical_ones():
+    actions = torch.tensor([[0.5 * TYPICAL_ERROR], [2.0 * TYPICAL_ERROR], [30.0 * TYPICAL_ERROR]], requires_grad=True)
+    loss = imitation_error(actions, torch.zeros(3, 1))
+    loss.backward()
+    # Half the square over TYPICAL_ERROR within it, beyond it the size less half of it.
+    assert torch.isclose(loss, TYPICAL_ERROR * torch.tensor((0.125 + 1.5 + 29.5) / 3.0))
+    assert actions.grad is not None
+    assert torch.allclose(3.0 * actions.grad[:, 0], torch.tensor([0.5, 1.0, 1.0]))
 
 
 def test_advantages_of_two_heads_by_hand():
