@@ -20,9 +20,9 @@ class DaggerConfig:
     updates, batch: gradient steps per environment step, and their size.
     learning_rate, final_rate: held for the first half, then a straight line to the end.
     exploration: standard deviation of noise on the student's actions.
-    drift, drift_memory: of further noise that lasts, by its correlation of one step and the next. Without, a student that is
-        not told the masses of its robot blames what it feels on them: where it presses too hard the arm must be light, and it
-        presses harder still. With, most of what it feels has nothing to do with masses.
+    drift, drift_memory: of further noise that lasts, by its correlation of one step and the next. Without, a student that
+        cannot tell the masses of its robot blames what it feels on them: where it presses too hard the arm must be light, and
+        it presses harder still. With, most of what it feels has nothing to do with masses.
     """
 
     steps: int = 3000
