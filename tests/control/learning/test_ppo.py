@@ -282,6 +282,24 @@ def test_dagger_imitates_and_asks_the_teacher_once_per_step():
     assert np.sqrt(np.mean(error**2)) < 0.1
 
 
+def test_noise_of_imitation_lasts():
+    class Watched(Reaching):
+        def step(self, action):
+            seen.append(action.copy())
+            return super().step(action)
+
+    seen: list[np.ndarray] = []
+    net = network()
+    for parameter in net.imitation_parameters():
+        torch.nn.init.zeros_(parameter)
+    still = {"learning_rate": 0.0, "final_rate": 0.0, "exploration": 0.0, "teacher_steps": 1, "batch": 16, "capacity": 2000}
+    imitate(Watched(256), net, DaggerConfig(steps=400, drift=0.2, drift_memory=0.9, **still), lambda step, loss: None)
+    noise = np.array(seen[100:])
+    assert np.std(noise) == pytest.approx(0.2, rel=0.05)
+    for lag in (1, 10):
+        assert np.mean(noise[lag:] * noise[:-lag]) / np.mean(noise**2) == pytest.approx(0.9**lag, abs=0.03)
+
+
 def test_sample_ring_forgets_the_oldest():
     ring = SampleRing(capacity=4, observation=1, actions=1)
     for value in range(6):
